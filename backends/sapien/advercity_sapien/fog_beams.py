@@ -3,8 +3,9 @@
 Fog by night glows mostly with light that is scattered several times: most of what a camera gets
 back from its own beams turned in two or three steps. Some ten thousand photons of a beam are
 followed over level ground, and their flow and fluence recorded on a grid that is fine near the
-lamp. As everywhere in these shaders, light that droplets deflect by the narrow lobe counts as not
-scattered.
+lamp. Of the glow, a seventh is light that the road reflects before any fog has scattered it; surfaces
+do not get that part from here, as it has nothing to do with fog. As everywhere in these shaders,
+light that droplets deflect by the narrow lobe counts as not scattered.
 """
 
 import math
@@ -25,7 +26,7 @@ DROPLET_UM = 12.0
 """Droplet diameter of every fog by night, in the shaders too; a weather's own is for daylight."""
 LOW_CORNER_M, HIGH_CORNER_M = (-30.0, 0.0, 0.0), (120.0, 60.0, 40.0)
 """Extent of the grid: ahead of the lamp, to either side, and above the ground."""
-PHOTONS, MAX_SCATTERINGS = 200_000, 12
+PHOTONS, MAX_SCATTERINGS = 250_000, 12
 MAX_PATH_M = 150.0
 """Distance from which light does not come back."""
 EXTINCTION_RATIO = 1.05
@@ -41,8 +42,9 @@ Generator = np.random.Generator
 def compute_fog_beam_rows(extinction_per_m: float) -> Float32Array:
     """Compute the table's rows (rows, COLUMNS, 4) of low beams, then those of front fog lamps.
 
-    Texels are flow ahead, to the right and up, and fluence, in 1/m² per candela of the peak; nodes
-    follow each other upwards, then to the right, then ahead. Takes a second of processor time.
+    Of each, those of light that fog has scattered, then those with what the road reflects. Texels are
+    flow ahead, to the right and up, and fluence, in 1/m² per candela of the peak; nodes follow each
+    other upwards, then to the right, then ahead. Takes two seconds of processor time.
     """
     step = round(math.log(max(extinction_per_m, 1e-6)) / math.log(EXTINCTION_RATIO))
     return _compute_rows(step)
@@ -62,22 +64,47 @@ def _compute_rows(extinction_step: int) -> Float32Array:
 def trace_beam(
     beam: LampBeam, height_m: float, tilt_rad: float, extinction_per_m: float
 ) -> Float32Array:
-    """Trace light of a beam over level ground: flow and fluence (nodes ahead, right, up, 4).
+    """Trace light of a beam over level ground: flow and fluence (2, nodes ahead, right, up, 4).
 
-    The extinction coefficient is that of the wide lobe. Light that has not been scattered is left
-    out.
+    First of light that fog has scattered, then of that and what the road reflects unscattered; what
+    comes straight from the lamp is left out. The extinction coefficient is that of the wide lobe.
     """
     generator = create_generator("sapien", "fog_beam", f"{height_m:g}", f"{extinction_per_m:.6g}")
     ray, lumens = _draw_rays(beam, tilt_rad, generator)
-    position = np.zeros_like(ray)
-    position[:, 2] = height_m
+    start = np.zeros_like(ray)
+    start[:, 2] = height_m
     # Each photon is scattered on its first segment, and weighs what is scattered there.
-    ends = np.minimum(_distance_to_ground(position, ray), MAX_PATH_M)
+    ground = _distance_to_ground(start, ray)
+    ends = np.minimum(ground, MAX_PATH_M)
     scattered = -np.expm1(-extinction_per_m * ends)
-    light = lumens * scattered
     first = -np.log1p(-generator.random(len(ray)) * scattered) / extinction_per_m
-    position += first[:, None] * ray
-    ray = _scatter(ray, generator)
+    by_fog = _follow_photons(
+        start + first[:, None] * ray,
+        _scatter(ray, generator),
+        lumens * scattered,
+        extinction_per_m,
+        generator,
+    )
+    # Of light that reaches the road as it is, the fraction that the road reflects.
+    low = np.flatnonzero(ground < MAX_PATH_M)
+    by_road = _follow_photons(
+        start[low] + ground[low, None] * ray[low],
+        _reflect(len(low), generator),
+        GROUND_ALBEDO * (lumens * (1.0 - scattered))[low],
+        extinction_per_m,
+        generator,
+    )
+    return np.stack([by_fog, by_fog + by_road]).astype(np.float32)
+
+
+def _follow_photons(
+    position: Float64Array,
+    ray: Float64Array,
+    light: Float64Array,
+    extinction_per_m: float,
+    generator: Generator,
+) -> Float64Array:
+    """Follow lumens (n,) from points along rays (n, 3): flow and fluence (nodes..., 4)."""
     grid = np.zeros((math.prod(FOG_BEAM_NODES), 4))
     for _ in range(MAX_SCATTERINGS):
         length = generator.exponential(1.0 / extinction_per_m, len(ray))
@@ -87,7 +114,7 @@ def trace_beam(
         # One point of a segment represents it: its expected value is that of all.
         passed = position + (generator.random(len(ray)) * length)[:, None] * ray
         _add_to_grid(grid, passed, ray, light * length)
-        position += length[:, None] * ray
+        position = position + length[:, None] * ray
         ray = np.where(
             meets_ground[:, None], _reflect(len(ray), generator), _scatter(ray, generator)
         )
@@ -97,7 +124,7 @@ def trace_beam(
     grid = grid.reshape(*FOG_BEAM_NODES, 4) / _node_volumes()[..., None]
     # Light ends softly where the grid does.
     grid[[0, -1]] = grid[:, -1] = grid[:, :, -1] = 0.0
-    return grid.astype(np.float32)
+    return grid
 
 
 def _draw_rays(

@@ -26,8 +26,8 @@ TILES_HIGH, TILES_WIDE, LAMPS_PER_TILE = 18, 32, 16
 """Tiles of an image."""
 BEARINGS, LAMPS_PER_BEARING = 64, 16
 """Sectors of the horizon, counterclockwise from -180 degrees."""
-FOG_BEAM_NODES = 16, 16, 8
-"""Directions off a beam's axis: rings by the square root of the angle, spokes from right to up."""
+FOG_BEAM_NODES, FOG_BEAM_TABLES = (24, 24, 24), 4
+"""Nodes ahead of a lamp, to its right and up; tables of low beams and front fog lamps, two each."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ SECTIONS = (
     Section("cells", GRID_CELLS**2 * LAMPS_PER_CELL // 4),
     Section("tiles", TILES_HIGH * TILES_WIDE * LAMPS_PER_TILE // 4),
     Section("bearings", BEARINGS * LAMPS_PER_BEARING // 4),
-    Section("fog_beams", 2 * prod(FOG_BEAM_NODES)),
+    Section("fog_beams", FOG_BEAM_TABLES * prod(FOG_BEAM_NODES)),
     Section("bodies", 32 * COLUMNS),
 )
 SCENE_TEXTURES = (

@@ -10,7 +10,7 @@ from advercity_sapien.fog_beams import (
     grid_corners,
     trace_beam,
 )
-from advercity_sapien.shader_table import COLUMNS, FOG_BEAM_NODES
+from advercity_sapien.shader_table import COLUMNS, FOG_BEAM_NODES, FOG_BEAM_TABLES
 
 from advercity.geometry.arrays import Float32Array
 from advercity.physics.lamp_beams import LOW_BEAM
@@ -21,7 +21,7 @@ THIN = 1e-4
 @pytest.fixture(scope="module")
 def thin() -> Float32Array:
     """Light scattered out of a low beam by the thinnest fog (nodes ahead, right, up, 4)."""
-    return trace_beam(LOW_BEAM, 0.65, 0.0, THIN)
+    return trace_beam(LOW_BEAM, 0.65, 0.0, THIN)[0]
 
 
 def node_at(ahead_m: float, right_m: float, up_m: float) -> tuple[int, ...]:
@@ -49,16 +49,25 @@ def test_flow_does_not_exceed_fluence(thin: Float32Array) -> None:
 
 
 def test_twice_as_much_thin_fog_scatters_twice_as_much(thin: Float32Array) -> None:
-    twice = trace_beam(LOW_BEAM, 0.65, 0.0, 2.0 * THIN)
+    twice = trace_beam(LOW_BEAM, 0.65, 0.0, 2.0 * THIN)[0]
     lit = thin[..., 3] > 0.0
     ratio = np.median(twice[..., 3][lit] / thin[..., 3][lit])
     assert ratio == pytest.approx(2.0, rel=0.05)
 
 
+def test_the_road_reflects_upwards_what_no_fog_has_scattered_before() -> None:
+    """A beam of 1 cd at the peak gives the road 10 m ahead about 1 / 10² * 0.65 / 10 lx."""
+    by_fog, with_road = trace_beam(LOW_BEAM, 0.65, 0.0, THIN)
+    by_road = (with_road - by_fog)[node_at(10.0, 0.0, 1.0)]
+    assert by_road[2] > 0.5 * by_road[3] > 0.0
+    reflected_lx = 0.1 * 0.65 / 10.0**3
+    assert 0.2 * reflected_lx < by_road[2] < reflected_lx
+
+
 def test_nothing_is_left_where_the_table_ends() -> None:
     rows = compute_fog_beam_rows(0.05)
-    assert rows.shape == (2 * math.prod(FOG_BEAM_NODES) // COLUMNS, COLUMNS, 4)
-    low_beam = rows[: len(rows) // 2].reshape(*FOG_BEAM_NODES, 4)
+    assert rows.shape == (FOG_BEAM_TABLES * math.prod(FOG_BEAM_NODES) // COLUMNS, COLUMNS, 4)
+    low_beam = rows[: len(rows) // FOG_BEAM_TABLES].reshape(*FOG_BEAM_NODES, 4)
     assert low_beam[-1].max() == low_beam[:, -1].max() == low_beam[:, :, -1].max() == 0.0
     assert HIGH_CORNER_M[0] > 100.0
 

@@ -182,10 +182,10 @@ float beamTransmittance(Lamp l, float distance) {
   return l.kind == LAMP_STREET ? 1.0 : unscatteredTransmittance(distance);
 }
 
-// Light at a point that fog has scattered out of a beam, per kcd of its peak: flow and fluence. The
-// table (fog_beams.py) has it by roots of the metres ahead of the lamp, to the side, and above the
-// ground; between eight nodes it is linear.
-vec4 scatteredLight(Lamp l, vec3 position) {
+// Light at a point that fog has scattered out of a beam, per kcd of its peak: flow and fluence; for glow
+// with what the road reflects. The table (fog_beams.py) has it by roots of the metres ahead of the
+// lamp, to the side, and above the ground; between eight nodes it is linear.
+vec4 scatteredLight(Lamp l, vec3 position, bool forGlow) {
   vec2 ahead = normalize(l.facing.xy), away = position.xy - l.position.xy;
   float mounted = l.kind == LAMP_FOG_BEAM ? FOG_LAMP_HEIGHT : LAMP_HEIGHT;
   vec3 point = vec3(dot(away, ahead), dot(away, vec2(ahead.y, -ahead.x)),
@@ -196,7 +196,8 @@ vec4 scatteredLight(Lamp l, vec3 position) {
   if (any(lessThan(place, vec3(0.0))) || any(greaterThanEqual(place, last))) return vec4(0.0);
   ivec3 first = min(ivec3(place), FOG_BEAM_NODES - 2);
   vec3 part = place - vec3(first);
-  int row = FOG_BEAMS_ROW + (l.kind == LAMP_FOG_BEAM ? FOG_BEAM_ROWS : 0);
+  int number = (l.kind == LAMP_FOG_BEAM ? 2 : 0) + (forGlow ? 1 : 0);
+  int row = FOG_BEAMS_ROW + number * FOG_BEAM_ROWS;
   vec4 light = vec4(0.0);
   for (int i = 0; i < 8; ++i) {
     ivec3 corner = ivec3(i & 1, (i >> 1) & 1, i >> 2), node = first + corner;
@@ -240,7 +241,7 @@ vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position, bool mirr
     sum += direct * intensityFraction(l, ray, distance);
   }
   if (isBeam(l) && MAX_SCATTERED * given * (1.0 - left) * dot(scattered, vec3(1.0)) >= negligibleRadiance()) {
-    vec4 light = scatteredLight(l, position);
+    vec4 light = scatteredLight(l, position, false);
     sum += scattered * rangeFalloff(l, distance) * scatteredIrradiance(light, s.normal);
   }
   return sum;
@@ -325,7 +326,7 @@ float diffuseInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitt
   for (int i = 0; i < STEPS; ++i) {
     float t = -log(1.0 - opacity * (float(i) + jitter) / float(STEPS)) / along;
     vec3 point = eye + t * ray;
-    vec4 light = scatteredLight(l, point);
+    vec4 light = scatteredLight(l, point, true);
     float strength = length(light.xyz);
     if (strength <= 0.0 || airVisibility(l, point - l.position) <= 0.0) continue;
     float directed = light.w * min(strength * strength / (light.w * light.w), 1.0);

@@ -7,7 +7,7 @@ const int CELLS_ROW = 4;
 const int TILES_ROW = 12;
 const int BEARINGS_ROW = 17;
 const int FOG_BEAMS_ROW = 18;
-const int BODIES_ROW = 26;
+const int BODIES_ROW = 126;
 const int GRID_CELLS = 32;
 const int TILES_HIGH = 18;
 const int TILES_WIDE = 32;
@@ -15,8 +15,8 @@ const int BEARINGS = 64;
 const int TEXELS_PER_CELL = 4;
 const int TEXELS_PER_TILE = 4;
 const int TEXELS_PER_BEARING = 4;
-const int FOG_BEAM_ROWS = 4;
-const ivec3 FOG_BEAM_NODES = ivec3(16, 16, 8);
+const int FOG_BEAM_ROWS = 27;
+const ivec3 FOG_BEAM_NODES = ivec3(24, 24, 24);
 
 float extinction() { return texelFetch(samplerTable, ivec2(0, 0), 0).x; }
 float wetness() { return texelFetch(samplerTable, ivec2(0, 0), 0).y; }
