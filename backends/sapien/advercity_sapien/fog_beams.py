@@ -3,9 +3,9 @@
 Fog by night glows mostly with light that is scattered several times: most of what a camera gets
 back from its own beams turned in two or three steps. Some ten thousand photons of a beam are
 followed over level ground, and their flow and fluence recorded on a grid that is fine near the
-lamp. Of the glow, a seventh is light that the road reflects before any fog has scattered it; surfaces
-do not get that part from here, as it has nothing to do with fog. As everywhere in these shaders,
-light that droplets deflect by the narrow lobe counts as not scattered.
+lamp. Of the glow, a seventh is light that the road reflects before any fog has scattered it;
+surfaces do not get that part from here, as it has nothing to do with fog. As everywhere in these
+shaders, light that droplets deflect by the narrow lobe counts as not scattered.
 """
 
 import math
@@ -42,9 +42,9 @@ Generator = np.random.Generator
 def compute_fog_beam_rows(extinction_per_m: float) -> Float32Array:
     """Compute the table's rows (rows, COLUMNS, 4) of low beams, then those of front fog lamps.
 
-    Of each, those of light that fog has scattered, then those with what the road reflects. Texels are
-    flow ahead, to the right and up, and fluence, in 1/m² per candela of the peak; nodes follow each
-    other upwards, then to the right, then ahead. Takes two seconds of processor time.
+    Of each, those of light that fog has scattered, then those with what the road reflects. Texels
+    are flow ahead, to the right and up, and fluence, in 1/m² per candela of the peak; nodes follow
+    each other upwards, then to the right, then ahead. Takes three seconds of processor time.
     """
     step = round(math.log(max(extinction_per_m, 1e-6)) / math.log(EXTINCTION_RATIO))
     return _compute_rows(step)

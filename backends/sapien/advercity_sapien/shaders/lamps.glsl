@@ -93,8 +93,8 @@ float forwardSpread(float depth) {
 
 // Density of deflections by an angle, without the factor that their part of a circle gives.
 float deflectionDensity(float angle, float spread) {
-  float spreads = angle / spread;
-  return (1.0 - spreads * inversesqrt(1.0 + spreads * spreads)) / spread;
+  float spreads = angle / spread, root = sqrt(1.0 + spreads * spreads);
+  return 1.0 / (spread * root * (root + spreads));
 }
 
 const float MOST_DEFLECTED = 0.97;  // the rest would look for light where nothing is known of it
@@ -291,10 +291,20 @@ void clipSegment(inout vec2 segment, float start, float slope) {
 // has its own.
 float airVisibility(Lamp l, vec3 away);
 
-// Light of one lamp that air scatters once into a segment of a ray. Steps are equal in the cube root
-// of the angle at the lamp (equiangular sampling, Kulla and Fajardo 2012), which makes them short where
-// the phase function is steep; each is sampled at `inStep` in [0, 1) of it.
-float segmentInScattering(Lamp l, vec3 eye, vec3 ray, vec2 segment, int steps, float inStep) {
+// Ratio of the light that the narrow lobe deflects by an angle on a path, however often, to what it
+// deflects once.
+float deflectionGain(float angle, float distance) {
+  float depth = max(narrowDepth(distance), 1e-3);
+  float often = deflectionDensity(angle, forwardSpread(depth)) * (exp(min(depth, 8.0)) - 1.0);
+  return often / (depth * deflectionDensity(angle, DROPLET_NARROW_SCALE));
+}
+
+// Light of one lamp that air scatters into a segment of a ray, once by the wide lobe or, as often as the
+// gain tells, by the narrow one. Steps are equal in the cube root of the angle at the lamp (equiangular
+// sampling, Kulla and Fajardo 2012), which makes them short where the phase function is steep; each is
+// sampled at `inStep` in [0, 1) of it.
+float segmentInScattering(
+    Lamp l, vec3 eye, vec3 ray, vec2 segment, int steps, float inStep, float narrowGain) {
   if (segment.x >= segment.y) return 0.0;
   float nearest = dot(l.position - eye, ray);
   float closest = max(length(l.position - eye - nearest * ray), 0.02);
@@ -308,9 +318,8 @@ float segmentInScattering(Lamp l, vec3 eye, vec3 ray, vec2 segment, int steps, f
     float fromLamp = closest / sine;
     vec3 away = (eye + t * ray - l.position) / fromLamp;
     float point = fromLamp * fromLamp / (fromLamp * fromLamp + lampSizeSquared(l));
-    float left = transmittance(t + fromLamp);
-    float wideLeft = isBeam(l) ? unscatteredTransmittance(t + fromLamp) : left;
-    vec2 scattered = dropletPhase(-slope * sine) * vec2(left, wideLeft);
+    vec2 left = vec2(narrowGain * transmittance(t + fromLamp), unscatteredTransmittance(t + fromLamp));
+    vec2 scattered = dropletPhase(-slope * sine) * left;
     sum += 3.0 * u * u * point * rangeFalloff(l, fromLamp) * intensityFraction(l, away, fromLamp)
         * (scattered.x + scattered.y) * airVisibility(l, away * fromLamp);
   }
@@ -345,7 +354,9 @@ vec3 lampInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) 
   vec3 away = eye - l.position;
   vec2 segment = vec2(0.0, distance);
   clipSegment(segment, dot(away, l.facing), dot(ray, l.facing));
-  if (!isBeam(l)) return l.intensity * segmentInScattering(l, eye, ray, segment, STEPS, jitter);
+  float lampDistance = length(away);
+  float gain = deflectionGain(acos(clamp(-dot(away, ray) / lampDistance, -1.0, 1.0)), lampDistance);
+  if (!isBeam(l)) return l.intensity * segmentInScattering(l, eye, ray, segment, STEPS, jitter, gain);
   vec2 core = segment;
   vec3 up = cross(rightAxis(l.facing), l.facing);
   vec3 floor = up + BELOW * l.facing, ceiling = ABOVE * l.facing - up;
@@ -353,9 +364,9 @@ vec3 lampInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) 
   clipSegment(core, dot(away, ceiling), dot(ray, ceiling));
   if (core.x >= core.y) core = segment.yy;
   vec2 before = vec2(segment.x, core.x), behind = vec2(core.y, segment.y);
-  float sum = segmentInScattering(l, eye, ray, core, STEPS, jitter)
-      + segmentInScattering(l, eye, ray, before, STRAY_STEPS, jitter)
-      + segmentInScattering(l, eye, ray, behind, STRAY_STEPS, jitter);
+  float sum = segmentInScattering(l, eye, ray, core, STEPS, jitter, gain)
+      + segmentInScattering(l, eye, ray, before, STRAY_STEPS, jitter, gain)
+      + segmentInScattering(l, eye, ray, behind, STRAY_STEPS, jitter, gain);
   if (l.minCosine <= NO_ANGLE_LIMIT) sum += diffuseInScattering(l, eye, ray, distance, jitter);
   return l.intensity * sum;
 }
