@@ -262,6 +262,7 @@ def image_of(agent: Agent, camera: Camera, frame: Frame, world_from_camera: Matr
             lambda state: state.box.corners,
             hide=frozenset({agent.number}),
         ),
+        instance=instance if "instance" in camera.truth else None,
     )
 
 

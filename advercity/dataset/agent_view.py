@@ -27,7 +27,11 @@ from advercity.dataset.carla_frame import (
 )
 from advercity.dataset.cloud_files import read_pcd
 from advercity.dataset.formats import DatasetFormat
-from advercity.dataset.image_codec import from_semantic_colours
+from advercity.dataset.image_codec import (
+    from_instance_colours,
+    from_normal_colours,
+    from_semantic_colours,
+)
 from advercity.dataset.radar_files import load_cube
 from advercity.documents import MAX_JSON_BYTES, MAX_YAML_BYTES, parse_json, parse_yaml, read_bytes
 from advercity.errors import InputError, describe_cause
@@ -172,6 +176,35 @@ class AgentView:
     def semantic(self, camera: int) -> NDArray[np.uint8]:
         """Read the tags (h, w) of `Semantic` of a camera's pixels."""
         return from_semantic_colours(self._read_camera("semantic", camera, cv2.IMREAD_COLOR_RGB))
+
+    def instance(self, camera: int) -> NDArray[np.int32]:
+        """Read the ids (h, w) of the actors that a camera's pixels show, 0 for everything static.
+
+        They are those of `boxes.ids`, and of actors that the agent does not annotate. InputError if
+        the rig does not ask for `truth: [instance]`.
+        """
+        self._check_truth("instance", camera)
+        return from_instance_colours(self._read_camera("instance", camera, cv2.IMREAD_COLOR_RGB))
+
+    def normal(self, camera: int) -> NDArray[np.float32]:
+        """Read the normals (h, w, 3) of surfaces: x right, y down, z along the view; 0 for sky.
+
+        InputError if the rig does not ask for `truth: [normal]`.
+        """
+        self._check_truth("normal", camera)
+        return from_normal_colours(self._read_camera("normal", camera, cv2.IMREAD_COLOR_RGB))
+
+    def has_truth(self, kind: str, camera: int) -> bool:
+        """Return whether a camera has images of truth of a kind: `instance`, `normal`."""
+        return f"_{kind}{camera}.png" in self._format.list_suffixes(self.agent)
+
+    def _check_truth(self, kind: str, camera: int) -> None:
+        _check_number("camera", camera, self.cameras, self.agent.id)
+        if not self.has_truth(kind, camera):
+            raise InputError(
+                f"camera{camera} of {self.agent.id} has no images of kind {kind}; ask for them with"
+                f" `truth: [{kind}]` in the camera of its rig"
+            )
 
     def depth(self, camera: int) -> NDArray[np.uint8]:
         """Read the depths (h, w) in whole metres along a camera's optical axis; at most 255."""

@@ -31,6 +31,7 @@ class DatasetFormat:
         cloud_suffix: End of the names of the first LiDAR's point clouds.
         read_cloud: Reads one as a table with `x`, `y`, `z` and `intensity`, left-handed.
         image_kinds: Kinds of images of every camera.
+        truth_kinds: Kinds of images of the cameras whose rig asks for them.
         motion_suffix: End of the names of files with GNSS and IMU.
         extra_suffixes: Ends of the names of what the original does not have.
     """
@@ -42,6 +43,7 @@ class DatasetFormat:
     image_kinds: tuple[str, ...]
     motion_suffix: str
     extra_suffixes: tuple[str, ...] = ()
+    truth_kinds: tuple[str, ...] = ()
 
     def format_cloud_suffix(self, lidar: int) -> str:
         """Return the end of the names of a LiDAR's clouds: `.pcd`, then `_lidar1.pcd`."""
@@ -68,6 +70,12 @@ class DatasetFormat:
         sensors = agent.sensors
         cameras = range(len(sensors.cameras))
         images = {f"_{kind}{index}.png" for kind in self.image_kinds for index in cameras}
+        images |= {
+            f"_{kind}{index}.png"
+            for index, mounted in enumerate(sensors.cameras)
+            for kind in self.truth_kinds
+            if kind in mounted.camera.truth
+        }
         clouds = map(self.format_cloud_suffix, range(len(sensors.lidars)))
         radars = set(map(self.format_radar_suffix, range(len(sensors.radars))))
         if sensors.radar is not None and sensors.radar.output == "cube":
@@ -102,6 +110,7 @@ OPV2V = DatasetFormat(
     image_kinds=("camera", "semantic", "depth", "depth_cm"),
     motion_suffix="_additional_gnss_imu.yaml",
     extra_suffixes=("_objects.json", *(f"_bev_{kind}.png" for kind in MAP_KINDS)),
+    truth_kinds=("instance", "normal"),
 )
 ADVER_CITY = DatasetFormat(
     "adver_city",

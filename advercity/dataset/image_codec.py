@@ -48,6 +48,27 @@ def from_semantic_colours(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return _build_tag_table()[_pack_colours(image)]
 
 
+def to_instance_colours(instance: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """Convert ids (h, w) to an RGB image (h, w, 3) as COCO does: R + 256 G + 256² B."""
+    return np.stack([instance & 255, instance >> 8 & 255, instance >> 16], axis=2).astype(np.uint8)
+
+
+def from_instance_colours(image: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Convert an RGB image (h, w, 3) of `to_instance_colours` to ids (h, w)."""
+    red, green, blue = np.moveaxis(image.astype(np.int32), -1, 0)
+    return red | green << 8 | blue << 16
+
+
+def to_normal_colours(normal: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Convert unit vectors (h, w, 3) to an RGB image (h, w, 3): -1 is 0, and 1 is 255."""
+    return np.rint((normal + np.float32(1.0)) * np.float32(127.5)).astype(np.uint8)
+
+
+def from_normal_colours(image: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Convert an RGB image (h, w, 3) of `to_normal_colours` to vectors, to 0.004."""
+    return (image / np.float32(127.5) - np.float32(1.0)).astype(np.float32)
+
+
 MAX_DEPTH_CM = 65_535
 """Depth of the sky and of all that is farther."""
 

@@ -32,6 +32,8 @@ from advercity.dataset.image_codec import (
     encode_depth_png,
     encode_label_png,
     encode_photo_png,
+    to_instance_colours,
+    to_normal_colours,
     to_semantic_colours,
     to_three_channels,
     to_whole_metres,
@@ -82,6 +84,10 @@ def encode_opv2v_frame(
             jobs[f"{stem}_semantic{index}.png"] = partial(_encode_semantic, image.semantic)
             jobs[f"{stem}_depth{index}.png"] = partial(_encode_metres, image.depth_cm)
             jobs[f"{stem}_depth_cm{index}.png"] = partial(encode_depth_png, image.depth_cm)
+            if image.instance is not None:
+                jobs[f"{stem}_instance{index}.png"] = partial(_encode_instance, image.instance)
+            if image.normal is not None:
+                jobs[f"{stem}_normal{index}.png"] = partial(_encode_normal, image.normal)
     for stem, maps in zip(stems, draw_bird_views(ordered, lanes), strict=True):
         jobs |= {
             f"{stem}_bev_{kind}.png": partial(_encode_mask, mask) for kind, mask in maps.items()
@@ -180,6 +186,14 @@ def _has_motion(item: SensorFrame) -> bool:
 
 def _encode_semantic(semantic: Uint8Array) -> bytes:
     return encode_label_png(to_semantic_colours(semantic))
+
+
+def _encode_instance(instance: NDArray[np.int32]) -> bytes:
+    return encode_label_png(to_instance_colours(instance))
+
+
+def _encode_normal(normal: NDArray[np.float32]) -> bytes:
+    return encode_label_png(to_normal_colours(normal))
 
 
 def _encode_metres(depth_cm: NDArray[np.uint16]) -> bytes:

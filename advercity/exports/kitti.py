@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 
 from advercity.dataset.agent_view import AgentView, Boxes
 from advercity.dataset.reader import Dataset, FrameView
-from advercity.exports.axes import OPTICAL_FROM_BODY
 from advercity.exports.oxts import format_oxts
 from advercity.exports.pieces import Piece, PieceFiles, make_common_piece, split_by_frame
 from advercity.exports.registry import Options
@@ -101,7 +100,7 @@ class Calibration:
     @staticmethod
     def from_view(view: AgentView) -> "Calibration":
         """Build the calibration of an agent's first camera and first LiDAR in a frame."""
-        cam_from_world = OPTICAL_FROM_BODY @ poses.invert_pose(view.world_from_camera(0))
+        cam_from_world = poses.OPTICAL_FROM_BODY @ poses.invert_pose(view.world_from_camera(0))
         velo_from_world = poses.invert_pose(view.world_from_lidar)
         cam_from_velo = cam_from_world @ view.world_from_lidar
         rect_from_cam = _turn_upright(cam_from_velo[:3, 2])

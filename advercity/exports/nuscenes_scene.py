@@ -21,7 +21,6 @@ from advercity_dsl import Agent
 
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import FrameView, Scenario
-from advercity.exports.axes import OPTICAL_FROM_BODY
 from advercity.frames import WHEELBASE_FRACTION
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
@@ -70,7 +69,7 @@ class Channel:
         ego_from_world = poses.invert_pose(scene.compute_world_from_ego(view))
         if self.modality == "camera":
             pose = view.world_from_camera(self.number)
-            return ego_from_world @ pose @ poses.invert_pose(OPTICAL_FROM_BODY)
+            return ego_from_world @ pose @ poses.invert_pose(poses.OPTICAL_FROM_BODY)
         if self.modality == "lidar":
             pose = view.load_lidar_pose(self.number)
             return ego_from_world @ pose @ poses.invert_pose(LIDAR_FROM_BODY)

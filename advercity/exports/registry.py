@@ -57,6 +57,7 @@ class ExportFormat:
 EXPORT_FORMATS = {
     one.name: one
     for one in (
+        ExportFormat("coco", "coco"),
         ExportFormat("kitti", "kitti"),
         ExportFormat("mcap", "mcap_recording", {"schemas": ("foxglove", "ros2")}),
         ExportFormat("nuscenes", "nuscenes", {"key_frames": ("all", "2hz")}),

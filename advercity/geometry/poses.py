@@ -10,6 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 Matrix = NDArray[np.float64]
 
+OPTICAL_FROM_BODY: Matrix = np.array(
+    [[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+"""From x forward, y left, z up to the optical axes of a camera: x right, y down, z ahead."""
+
 
 def rotation_matrix(*, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Matrix:
     """Build the 3x3 rotation `Rz(yaw) Ry(pitch) Rx(roll)`, angles in radians."""

@@ -5,12 +5,15 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
+import numpy as np
 from advercity_dsl import Agent, RoadsideUnit
+from numpy.typing import NDArray
 
 from advercity.assets.body_pose import build_pose_box_fitter
 from advercity.channel.transmission import Air, V2xChannel
 from advercity.dataset.image_codec import quantise_depth
 from advercity.frames import Frame
+from advercity.geometry import poses
 from advercity.geometry.arrays import Uint8Array
 from advercity.geometry.poses import Matrix
 from advercity.physics.lamp_beams import LightSource
@@ -185,6 +188,7 @@ class SensorRig:
             image = self._render_image(capture, agent, camera, pose, frame)
             lens_map = build_lens_map(model)
             seen = capture if lens_map is None else lens_map.select(capture)
+            truth = agent.sensors.cameras[camera].camera.truth
             yield CameraImage(
                 world_from_camera=pose,
                 image=image,
@@ -198,6 +202,8 @@ class SensorRig:
                     self._hull_points,
                     hide=_carrier_ids(agent),
                 ),
+                instance=seen.instance if "instance" in truth else None,
+                normal=_turn_normals(seen.normal, pose) if "normal" in truth else None,
             )
 
     def _render_image(
@@ -249,6 +255,12 @@ def build_camera_view(
         horizontal_fov_rad=fov_rad,
         hide=_carrier_ids(agent),
     )
+
+
+def _turn_normals(normal: NDArray[np.float32], world_from_camera: Matrix) -> NDArray[np.float32]:
+    """Turn vectors (h, w, 3) of the world into a camera's optical axes."""
+    rotation = poses.OPTICAL_FROM_BODY[:3, :3] @ world_from_camera[:3, :3].T
+    return (normal @ rotation.T).astype(np.float32)
 
 
 def _carrier_ids(agent: Agent) -> frozenset[int]:

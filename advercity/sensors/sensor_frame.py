@@ -64,6 +64,9 @@ class CameraImage:
         semantic: (h, w) uint8 of `Semantic`.
         depth_cm: (h, w) uint16, centimetres along the optical axis; 65535 for that and all beyond.
         projected_boxes: Boxes by actor id, of the actors whose outline overlaps the image.
+        instance: (h, w) int32 actor id, 0 for everything static; None if the rig does not ask.
+        normal: (h, w, 3) float32, unit, x right, y down, z along the view, zero for sky; None if
+            the rig does not ask.
     """
 
     world_from_camera: Matrix
@@ -71,6 +74,8 @@ class CameraImage:
     semantic: NDArray[np.uint8]
     depth_cm: NDArray[np.uint16]
     projected_boxes: Mapping[int, ProjectedBox]
+    instance: NDArray[np.int32] | None = None
+    normal: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, eq=False)

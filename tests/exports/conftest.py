@@ -11,7 +11,13 @@ from advercity_dsl.rig import Radar
 from advercity.compiler import with_digest
 from advercity.sensors.measurements import RadarDetections
 from advercity.sensors.sensor_frame import RadarScan, SensorFrame
-from tests.builders import SensorFramesOf, mounted_at, write_scenario
+from tests.builders import (
+    SensorFramesOf,
+    frame_of,
+    mounted_at,
+    sensor_frame_of,
+    write_scenario,
+)
 
 RADAR_MOUNT = Mount(x_m=2.0, z_m=0.5)
 SEEN_BY_RADAR = ((20.0, 15.0, 0.0), (30.0, -4.0, 1.0))
@@ -36,6 +42,31 @@ def with_radar_scan(sensor_frame: SensorFrame) -> SensorFrame:
         ),
     )
     return replace(sensor_frame, radar_scans=(scan,))
+
+
+@pytest.fixture(scope="session")
+def masked_dataset(tmp_path_factory: pytest.TempPathFactory, spec: Spec) -> Path:
+    """Two frames of agents whose cameras have images of actors' ids."""
+    agents = tuple(
+        agent.model_copy(
+            update={
+                "sensors": agent.sensors.model_copy(
+                    update={
+                        "camera": agent.sensors.camera.model_copy(update={"truth": ("instance",)})
+                    }
+                )
+            }
+        )
+        for agent in spec.agents
+    )
+    asking = with_digest(spec.model_copy(update={"agents": agents}))
+
+    def sensor_frames(index: int) -> tuple[SensorFrame, ...]:
+        return tuple(sensor_frame_of(agent, frame_of(asking, index)) for agent in agents)
+
+    root = tmp_path_factory.mktemp("masks")
+    write_scenario(root, asking, sensor_frames, frames=2)
+    return root
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ import yaml
 from advercity_dsl import Spec
 
 from advercity.cli.arguments import parse_frame_slice
-from advercity.compiler import find_weather, with_weather, write_specs
+from advercity.compiler import find_weather, with_digest, with_weather, write_specs
 from advercity.dataset import cloud_files
 from advercity.dataset.reader import Scenario
 from advercity.dataset.verification import verify_dataset
@@ -34,6 +34,7 @@ from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.pipeline.replay import load_sensor_frames
 from advercity.pipeline.weather_gallery import write_weather_gallery
 from advercity.rendering.backend import CameraCapture, CameraView
+from advercity.semantics import Semantic
 from advercity.sensors.measurements import PointKind
 from advercity.testing import FakeRenderer, make_capture
 from tests.builders import without_surroundings
@@ -334,3 +335,27 @@ def test_frames_beyond_the_end_are_bad_input(spec: Spec, tmp_path: Path) -> None
 )
 def test_frame_ranges_count_from_the_first_kept_frame(text: str, frames: list[int]) -> None:
     assert list(range(10)[parse_frame_slice(text)]) == frames
+
+
+def test_a_rig_that_asks_for_truth_gets_images_of_it(spec: Spec, tmp_path: Path) -> None:
+    agents = list(spec.agents)
+    camera = agents[0].sensors.camera.model_copy(update={"truth": ("instance", "normal")})
+    sensors = agents[0].sensors.model_copy(update={"camera": camera})
+    agents[0] = agents[0].model_copy(update={"sensors": sensors})
+    asking = with_digest(spec.model_copy(update={"agents": tuple(agents)}))
+    scenario = run(asking, tmp_path, 0, 1)
+    assert verify_dataset(scenario) == []
+    assert {path.parent.name for path in scenario.glob("*/*_instance*.png")} == {"+101"}
+    view = Scenario(scenario)[0]["cav1"]
+    counted = 0
+    for number, described in view.extras["objects"].items():
+        for name, shown in described["cameras"].items():
+            pixels = view.instance(int(name[-1])) == int(number)
+            assert pixels.sum() == shown["visible_px"]
+            counted += int(pixels.sum())
+    assert counted > 20
+    # The cameras look level: up is -y.
+    road = view.semantic(0) == Semantic.ROAD
+    assert road.sum() > 500
+    np.testing.assert_allclose(view.normal(0)[road].mean(axis=0), [0, -1, 0], atol=0.02)
+    assert np.abs(view.normal(0)[view.semantic(0) == Semantic.SKY]).max() < 0.005

@@ -1,0 +1,349 @@
+"""COCO: boxes and instance masks of what every camera shows, and panoptic images.
+
+    images/<scenario>/<agent>/000060_camera0.png          the images as they are
+    panoptic/<scenario>/<agent>/000060_camera0.png        ids of segments: R + 256 G + 256² B
+    annotations/instances.json                            boxes and masks
+    annotations/panoptic.json                             what the segments are
+
+Boxes enclose the visible pixels. Masks and panoptic images need images of actors' ids, which a rig
+asks for with `truth: [instance]`; without them boxes are exported alone.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.dataset.agent_view import AgentView
+from advercity.dataset.image_codec import encode_label_png, to_instance_colours
+from advercity.dataset.reader import Dataset, FrameView, Scenario
+from advercity.exports.libraries import load_library
+from advercity.exports.pieces import (
+    JsonList,
+    Piece,
+    PieceFiles,
+    make_common_piece,
+    split_by_frame,
+)
+from advercity.exports.registry import Options
+from advercity.exports.requirements import require_truth
+from advercity.semantics import PALETTE, Semantic
+
+_logger = logging.getLogger(__name__)
+
+CATEGORIES = {
+    "pedestrian": (1, "person", "person"),
+    "bicycle": (2, "bicycle", "vehicle"),
+    "car": (3, "car", "vehicle"),
+    "van": (3, "car", "vehicle"),
+    "motorcycle": (4, "motorcycle", "vehicle"),
+    "truck": (8, "truck", "vehicle"),
+}
+"""COCO's id, name and group by class, so that detectors trained on COCO can be evaluated as they
+are. COCO has no vans."""
+FIRST_STUFF_CATEGORY = 200
+"""Category of semantic tag 0 in panoptic images; COCO's own end below."""
+FIRST_STUFF_SEGMENT = 1 << 23
+"""Segment of semantic tag 0; ids of actors are below."""
+Json = dict[str, Any]
+
+
+def list_pieces(dataset: Dataset, options: Options) -> list[Piece]:
+    """Make a piece of every frame's images, and one of each file of annotations.
+
+    Raises:
+        InputError: A scenario has the original's layout, or pycocotools is not installed.
+    """
+    require_truth(dataset, "coco")
+    cameras = _list_cameras(dataset)
+    if any(cameras.values()):
+        load_library("pycocotools.mask", "coco")
+    if not all(cameras.values()):
+        _logger.warning(
+            "%d of %d cameras have no images of actors' ids, and so no masks: boxes are exported;"
+            " ask for them with `truth: [instance]` in the rig",
+            sum(not has_masks for has_masks in cameras.values()),
+            len(cameras),
+        )
+    pieces = [
+        *split_by_frame(dataset, _write_images),
+        make_common_piece(dataset, "instances", lambda files: _write_instances(dataset, files)),
+    ]
+    if any(cameras.values()):
+        pieces.append(
+            make_common_piece(dataset, "panoptic", lambda files: _write_panoptic(dataset, files))
+        )
+    return pieces
+
+
+def _list_cameras(dataset: Dataset) -> dict[tuple[str, str, int], bool]:
+    """List cameras by scenario, agent and number, and whether they have images of ids."""
+    return {
+        (scenario.path.name, agent.id, number): "instance" in mounted.camera.truth
+        for scenario in dataset.scenarios
+        for agent in scenario.spec.agents
+        for number, mounted in enumerate(agent.sensors.cameras)
+    }
+
+
+@dataclass(frozen=True)
+class Shot:
+    """An image.
+
+    Attributes:
+        id: Number of the image, from 1.
+        frame: The frame.
+        view: What the agent recorded.
+        camera: Number of the camera.
+    """
+
+    id: int
+    frame: FrameView
+    view: AgentView
+    camera: int
+
+    @property
+    def path(self) -> str:
+        """Path of the image below `images/`, and of its segments below `panoptic/`."""
+        name = f"{self.frame.name}_camera{self.camera}.png"
+        return f"{self.frame.scenario.path.name}/{self.view.agent.id}/{name}"
+
+    @property
+    def has_masks(self) -> bool:
+        """Whether there is an image of actors' ids."""
+        return self.view.has_truth("instance", self.camera)
+
+
+def _list_shots(frame: FrameView, first: int) -> list[Shot]:
+    """List the images of a frame, numbered from `first` on."""
+    places = [(view, n) for view in frame.views.values() for n in range(view.cameras)]
+    return [Shot(first + k, frame, view, camera) for k, (view, camera) in enumerate(places)]
+
+
+def _write_images(frame: FrameView, number: int, files: PieceFiles) -> None:
+    for shot in _list_shots(frame, 0):
+        files.copy(shot.view.path(f"_camera{shot.camera}.png"), f"images/{shot.path}")
+        if shot.has_masks:
+            segments = to_instance_colours(_read_segments(shot))
+            files.write(f"panoptic/{shot.path}", encode_label_png(segments))
+
+
+def _read_segments(shot: Shot) -> NDArray[np.int32]:
+    """Read the segments (h, w): ids of actors, and of all else by its class; 0 is unlabelled."""
+    instance = shot.view.instance(shot.camera)
+    tags = shot.view.semantic(shot.camera).astype(np.int32)
+    stuff = np.where(tags > 0, tags + FIRST_STUFF_SEGMENT, 0)
+    return np.where(instance > 0, instance, stuff).astype(np.int32)
+
+
+def _iterate_shots(dataset: Dataset, files: PieceFiles) -> Iterator[Shot]:
+    """Iterate over all images, in the order of their numbers."""
+    number = 1
+    for scenario in dataset.scenarios:
+        for frame in files.track(scenario):
+            shots = _list_shots(frame, number)
+            yield from shots
+            number += len(shots)
+
+
+def _write_instances(dataset: Dataset, files: PieceFiles) -> None:
+    """Write boxes and masks."""
+
+    def list_rows() -> Iterator[Json]:
+        number = 1
+        for shot in _iterate_shots(dataset, files):
+            for row in _describe_objects(shot):
+                yield {"id": number, **row}
+                number += 1
+
+    _write_document(dataset, files, "annotations/instances.json", _list_things(), list_rows())
+
+
+def _write_panoptic(dataset: Dataset, files: PieceFiles) -> None:
+    """Write what the segments of the panoptic images are."""
+    things = [{**thing, "isthing": 1} for thing in _list_things()]
+    stuff: list[Json] = [
+        {
+            "id": FIRST_STUFF_CATEGORY + tag,
+            "name": tag.name.lower(),
+            "supercategory": "stuff",
+            "isthing": 0,
+            "color": PALETTE[tag].tolist(),
+        }
+        for tag in Semantic
+        if tag != Semantic.UNLABELED
+    ]
+    rows = (
+        {
+            "image_id": shot.id,
+            "file_name": shot.path,
+            "segments_info": list(_describe_segments(shot)),
+        }
+        for shot in _iterate_shots(dataset, files)
+        if shot.has_masks
+    )
+    _write_document(dataset, files, "annotations/panoptic.json", [*things, *stuff], rows)
+
+
+def _list_things() -> list[Json]:
+    """List the categories of objects, by id."""
+    things = {number: (name, group) for number, name, group in CATEGORIES.values()}
+    return [
+        {"id": number, "name": name, "supercategory": group}
+        for number, (name, group) in sorted(things.items())
+    ]
+
+
+def _write_document(
+    dataset: Dataset,
+    files: PieceFiles,
+    path: str,
+    categories: Sequence[Json],
+    annotations: Iterable[Json],
+) -> None:
+    """Write a file of annotations row by row: it may be larger than memory."""
+    names = ", ".join(one.path.name for one in dataset.scenarios[:3])
+    more = f" and {len(dataset.scenarios) - 3} more" if len(dataset.scenarios) > 3 else ""
+    head = {
+        "info": {"description": f"advercity: {names}{more}", "version": "1.0"},
+        "licenses": [],
+        "categories": categories,
+    }
+    with files.open(path) as stream:
+        stream.write(json.dumps(head).encode()[:-1])
+        for field, rows in (("images", _iterate_image_rows(dataset)), ("annotations", annotations)):
+            stream.write(f',\n"{field}": '.encode())
+            with JsonList(stream) as written:
+                for row in rows:
+                    written.append(row)
+        stream.write(b"}\n")
+
+
+def _iterate_image_rows(dataset: Dataset) -> Iterator[Json]:
+    """Describe all images; sizes are read once per scenario, since they stay."""
+    number = 1
+    for scenario in dataset.scenarios:
+        sizes = _measure_images(scenario)
+        for frame in scenario:
+            for shot in _list_shots(frame, number):
+                width, height = sizes[shot.view.agent.id, shot.camera]
+                yield {
+                    "id": shot.id,
+                    "file_name": shot.path,
+                    "width": width,
+                    "height": height,
+                    "scenario": scenario.path.name,
+                    "agent": shot.view.agent.id,
+                    "camera": shot.camera,
+                    "frame": frame.index,
+                    "time_s": round(frame.time_s, 6),
+                }
+                number += 1
+
+
+def _measure_images(scenario: Scenario) -> dict[tuple[str, int], tuple[int, int]]:
+    """Measure width and height of the images of each camera."""
+    found: dict[tuple[str, int], tuple[int, int]] = {}
+    for shot in _list_shots(scenario[0], 0) if len(scenario) else ():
+        model = shot.view.camera_model(shot.camera)
+        found[shot.view.agent.id, shot.camera] = model.width_px, model.height_px
+    return found
+
+
+def _describe_objects(shot: Shot) -> Iterator[Json]:
+    """Describe what is visible of objects: box, area, mask; and what evaluations leave out.
+
+    Actors that the agent does not annotate, since no beam of its LiDARs hits them, are crowds:
+    detecting them is no error, and missing them neither.
+    """
+    instance = shot.view.instance(shot.camera) if shot.has_masks else None
+    objects = shot.view.extras["objects"]
+    annotated: set[int] = set()
+    for name, described in objects.items():
+        shown = described["cameras"].get(f"camera{shot.camera}")
+        if shown is None or shown["visible_box"] is None:
+            continue
+        number = int(name)
+        annotated.add(number)
+        left, top, right, bottom = shown["visible_box"]
+        yield {
+            "image_id": shot.id,
+            "category_id": CATEGORIES[described["class"]][0],
+            "bbox": [left, top, right - left, bottom - top],
+            "area": shown["visible_px"],
+            "segmentation": [] if instance is None else _encode_mask(instance == number),
+            "iscrowd": 0,
+            "object_id": number,
+            "class": described["class"],
+            **{key: shown[key] for key in ("visible_fraction", "occlusion", "truncation")},
+        }
+    if instance is not None:
+        yield from _describe_crowds(shot, instance, annotated)
+
+
+def _describe_crowds(
+    shot: Shot, instance: NDArray[np.int32], annotated: set[int]
+) -> Iterator[Json]:
+    tags = shot.view.semantic(shot.camera)
+    for number in np.unique(instance).tolist():
+        if number == 0 or number in annotated:
+            continue
+        mask = instance == number
+        yield {
+            "image_id": shot.id,
+            "category_id": _guess_category(tags[mask]),
+            "bbox": measure_box(mask),
+            "area": int(mask.sum()),
+            "segmentation": _encode_mask(mask),
+            "iscrowd": 1,
+            "object_id": number,
+        }
+
+
+def _guess_category(tags: NDArray[np.uint8]) -> int:
+    """Guess the category of an actor of which only the tags (n,) of its pixels are known."""
+    on_foot = np.bincount(tags).argmax() == Semantic.PEDESTRIAN
+    return CATEGORIES["pedestrian" if on_foot else "car"][0]
+
+
+def measure_box(mask: NDArray[np.bool_]) -> list[float]:
+    """Measure left, top, width and height of a mask (h, w) with at least a pixel."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    left, top = float(columns[0]), float(rows[0])
+    return [left, top, float(columns[-1] + 1 - left), float(rows[-1] + 1 - top)]
+
+
+def _encode_mask(mask: NDArray[np.bool_]) -> Json:
+    """Encode a mask (h, w) as COCO's run lengths."""
+    coder = load_library("pycocotools.mask", "coco")
+    encoded = coder.encode(np.asfortranarray(mask.astype(np.uint8)))
+    return {"size": list(encoded["size"]), "counts": encoded["counts"].decode("ascii")}
+
+
+def _describe_segments(shot: Shot) -> Iterator[Json]:
+    segments = _read_segments(shot)
+    tags, objects = shot.view.semantic(shot.camera), shot.view.extras["objects"]
+    for number in np.unique(segments).tolist():
+        if number == 0:
+            continue
+        mask = segments == number
+        described = objects.get(str(number))
+        if number >= FIRST_STUFF_SEGMENT:
+            category = FIRST_STUFF_CATEGORY + number - FIRST_STUFF_SEGMENT
+        elif described is not None:
+            category = CATEGORIES[described["class"]][0]
+        else:
+            category = _guess_category(tags[mask])
+        yield {
+            "id": number,
+            "category_id": category,
+            "area": int(mask.sum()),
+            "bbox": measure_box(mask),
+            "iscrowd": int(number < FIRST_STUFF_SEGMENT and described is None),
+        }
