@@ -20,6 +20,7 @@ EXPORT_FORMAT_NAMES = (
     "mcap",
     "nuscenes",
     "openscenario",
+    "osi",
 )
 
 

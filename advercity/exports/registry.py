@@ -62,6 +62,7 @@ EXPORT_FORMATS = {
         ExportFormat("mcap", "mcap_recording", {"schemas": ("foxglove", "ros2")}),
         ExportFormat("nuscenes", "nuscenes", {"key_frames": ("all", "2hz")}),
         ExportFormat("openscenario", "openscenario"),
+        ExportFormat("osi", "osi_trace"),
     )
 }
 

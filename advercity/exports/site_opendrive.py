@@ -46,10 +46,15 @@ def format_site(road: Road, network: Path) -> bytes:
     header = root.find("header")
     assert header is not None
     header.attrib |= {"revMinor": "7", "name": road.id, "date": FIXED_DATE}
-    SubElement(header, "geoReference").text = (
-        f"+proj=tmerc +lat_0={road.origin_lat_deg:.9f} +lon_0={road.origin_lon_deg:.9f}"
-        " +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs"
-    )
+    SubElement(header, "geoReference").text = format_projection(road)
     for item in root.iter("object"):
         item.attrib.setdefault("zOffset", "0")
     return to_xml_bytes(root)
+
+
+def format_projection(road: Road) -> str:
+    """Format how the world frame of a road lies on the globe, as PROJ reads it."""
+    return (
+        f"+proj=tmerc +lat_0={road.origin_lat_deg:.9f} +lon_0={road.origin_lon_deg:.9f}"
+        " +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs"
+    )

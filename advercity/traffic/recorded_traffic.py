@@ -82,7 +82,7 @@ def build_recorded_trace(spec: Spec, recorded: TrajectorySet, network: Path) -> 
     signal_ids, signals = build_program_states(network, since_s)
     return Trace(
         tick_s=tick_s,
-        first_tick=0,
+        first_tick=spec.timing.warm_up_ticks + 1,
         actors=tuple(actors),
         states=round_states(together[np.lexsort((together["actor"], together["tick"]))]),
         signal_ids=signal_ids,
