@@ -15,12 +15,12 @@ from advercity.dataset.reader import Dataset, FrameView, Scenario
 from advercity.dataset.weather_truth import WeatherTruth
 from advercity.documents import read_bytes
 from advercity.errors import InputError
-from advercity.exports.kitti import OPTICAL_FROM_BODY
 from advercity.exports.mcap_foxglove import FoxgloveEncoder
 from advercity.exports.mcap_ros2 import Ros2Encoder
 from advercity.exports.mcap_values import Stamp
 from advercity.exports.pieces import Piece, PieceFiles, split_by_scenario
 from advercity.exports.registry import Options
+from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 
 WORLD = "world"
@@ -89,7 +89,7 @@ def _list_poses(view: AgentView) -> Iterator[tuple[str, Matrix]]:
     name = view.agent.id
     yield name, view.world_from_agent
     for number in range(view.cameras):
-        yield f"{name}/camera{number}", view.world_from_camera(number) @ OPTICAL_FROM_BODY.T
+        yield f"{name}/camera{number}", view.world_from_camera(number) @ poses.OPTICAL_FROM_BODY.T
     for number in range(view.lidars):
         yield f"{name}/lidar{number}", view.load_lidar_pose(number)
     for number in range(view.radars):
