@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from advercity.materials import Texture
+from advercity_mitsuba.detail import compute_detail
 from advercity_mitsuba.geometry import SEMANTIC_SHIFT, DeviceTables
 from advercity_mitsuba.images import DeviceImages, is_unordered, sample_images
 from advercity_mitsuba.lamps import (
@@ -57,6 +58,7 @@ class Scene:
     visible: Any
     tables: DeviceTables
     images: DeviceImages
+    octaves: Any
     light: Light
     weather: WeatherTables
     lamps: LampTables | None
@@ -242,10 +244,19 @@ def _build_first_surface(
     relief = dr.normalize(right * found.slope.x + up * found.slope.y + hit.normal * out)
     bent = dr.squared_norm(found.slope) > 0.0
     footprint = pixel_angle * distance * dr.maximum(cosine, 0.02) ** -0.7
+    detail = compute_detail(
+        scene.octaves,
+        scene.weather,
+        hit.kind,
+        hit.image >= 0.0,
+        hit.position,
+        hit.normal,
+        footprint,
+    )
     return _build_surface(
         scene,
         hit,
-        dr.minimum(hit.albedo * found.color, 1.0),
+        dr.minimum(hit.albedo * found.color, 1.0) * detail,
         dr.minimum(hit.roughness * found.roughness, 1.0),
         dr.select(bent, relief, hit.normal),
         footprint,

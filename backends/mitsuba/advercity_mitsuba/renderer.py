@@ -12,6 +12,7 @@ from advercity.rendering.denoising import denoise
 from advercity.rendering.light_sources import list_light_sources
 from advercity.semantics import Semantic
 from advercity.world import World
+from advercity_mitsuba.detail import build_octave_table
 from advercity_mitsuba.geometry import GeometryStore
 from advercity_mitsuba.images import DeviceImages, upload_images
 from advercity_mitsuba.lamps import LampSet
@@ -36,6 +37,7 @@ class MitsubaRenderer:
         self._store = GeometryStore(self._surfaces)
         self._placer = FramePlacer(world, self._store)
         self._ground = GroundMaps(world)
+        self._octaves = build_octave_table()
         self._images: DeviceImages | None = None
         self._image_count = -1
         self._atmosphere = atmosphere
@@ -100,6 +102,7 @@ class MitsubaRenderer:
             visible=self._placed.build_visible_scene(view.hide),
             tables=self._store.tables,
             images=self._get_images(),
+            octaves=self._octaves,
             light=self._light,
             weather=self._weather,
             lamps=None if self._lamps is None else self._lamps.tables,

@@ -1,0 +1,258 @@
+"""Detail of materials: the ratio of their albedo to its mean, a factor around 1.
+
+It depends on world position alone, so it never repeats in sight. Every octave has the mean 0 and
+fades where its wavelength comes close to the footprint of a pixel, so that nothing shimmers. What is
+finer than `MAPPED_M` is in the images of materials.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from advercity.geometry.arrays import Float32Array
+from advercity.materials import Texture
+from advercity_mitsuba.noise import hash_cell, retained_contrast, smoothstep, value_noise
+from advercity_mitsuba.variant import dr, mi
+from advercity_mitsuba.weathering import WeatherTables, compute_wear
+
+MAPPED_M = 0.3
+LEVEL_SLOPE = 0.3
+"""Sine of the slope up to which a surface counts as level."""
+MAX_OCTAVES = 8
+OCTAVE_COLUMNS = 8
+"""Numbers of an octave: contrast of tone and of hue, wavelength, salt; stretch of the three axes, and
+whether it lies along the surface (1) or the world (0)."""
+
+
+@dataclass(frozen=True)
+class _Octave:
+    """Noise of one wavelength.
+
+    Attributes:
+        wavelength_m: Of the lattice.
+        salt: Which noise it is.
+        tone: Contrast.
+        hue: Contrast between green (negative) and yellow.
+        stretch: Factors of the axes; a height of 0 is noise of the plane.
+        is_along_surface: Whether the axes are the surface's rather than the world's.
+    """
+
+    wavelength_m: float
+    salt: int
+    tone: float = 0.0
+    hue: float = 0.0
+    stretch: tuple[float, float, float] = (1.0, 1.0, 0.0)
+    is_along_surface: bool = False
+
+
+def _of_space(wavelength_m: float, salt: int, tone: float = 0.0, hue: float = 0.0) -> _Octave:
+    return _Octave(wavelength_m, salt, tone, hue, (1.0, 1.0, 1.0))
+
+
+def _of_surface(
+    wavelength_m: float, salt: int, tone: float = 0.0, hue: float = 0.0, squeeze: float = 1.0
+) -> _Octave:
+    return _Octave(wavelength_m, salt, tone, hue, (1.0, squeeze, 0.0), is_along_surface=True)
+
+
+_FOLIAGE = (
+    _of_space(0.13, 1, 0.55),
+    _of_space(0.6, 2, 0.35),
+    _of_space(0.35, 3, hue=0.12),
+    _Octave(6.0, 4, hue=0.30),
+)
+OCTAVES: dict[Texture, tuple[_Octave, ...]] = {
+    Texture.ASPHALT: (
+        _Octave(0.025, 1, 0.30),
+        _Octave(0.11, 2, 0.10),
+        _Octave(0.9, 3, 0.07),
+        _Octave(4.3, 4, 0.10),
+        _Octave(23.0, 5, 0.10),
+    ),
+    Texture.GRASS: (
+        _Octave(0.035, 1, 0.45),
+        _Octave(0.16, 2, 0.30),
+        _Octave(0.55, 3, 0.22),
+        _Octave(1.9, 4, 0.18),
+        _Octave(7.7, 7, 0.14),
+        _Octave(0.8, 8, hue=0.14),
+        _Octave(3.1, 5, hue=0.16),
+        _Octave(31.0, 6, hue=0.20),
+    ),
+    Texture.SOIL: (
+        _Octave(0.06, 1, 0.35),
+        _Octave(0.33, 2, 0.25),
+        _Octave(2.7, 3, 0.15),
+        _Octave(19.0, 4, 0.12),
+    ),
+    Texture.CROPS: (
+        _of_space(0.09, 1, 0.35),
+        _Octave(0.45, 2, 0.25),
+        _Octave(4.1, 3, 0.14),
+        _Octave(9.0, 4, hue=0.12),
+        _Octave(37.0, 5, hue=0.14),
+    ),
+    Texture.LEAVES: _FOLIAGE,
+    Texture.CROWN: _FOLIAGE,
+    Texture.BARK: (_Octave(0.05, 1, 0.55, stretch=(1.0, 1.0, 0.15)), _of_space(0.4, 2, 0.25)),
+    Texture.BRICK: (_of_surface(1.1, 2, 0.12), _of_surface(5.0, 3, 0.12)),
+    Texture.PLASTER: (
+        _of_surface(0.05, 1, 0.08),
+        _of_surface(1.3, 2, 0.07),
+        _of_surface(0.35, 3, 0.10, squeeze=0.17),
+        _of_surface(5.1, 4, 0.08),
+        _of_surface(2.9, 5, hue=0.03),
+    ),
+    Texture.TILES: (_of_surface(2.3, 2, 0.12), _of_surface(6.0, 3, hue=-0.10)),
+    Texture.WOOD: (_of_surface(0.02, 2, 0.25, squeeze=0.08),),
+    Texture.PAVING: (
+        _of_surface(0.03, 1, 0.12),
+        _of_surface(0.7, 2, 0.10),
+        _of_surface(6.1, 3, 0.08),
+    ),
+    Texture.SLABS: (_of_surface(2.3, 1, 0.10), _of_surface(9.1, 2, 0.08)),
+    Texture.STONE: (_of_space(0.04, 1, 0.25), _of_space(0.5, 2, 0.12)),
+    Texture.MARKING: (_Octave(0.04, 1, 0.10), _Octave(0.35, 2, 0.10), _Octave(3.0, 3, 0.08)),
+}
+
+
+def build_octave_table() -> Any:
+    """Copy the octaves of all textures to the device; unused ones have no contrast."""
+    table: Float32Array = np.zeros((len(Texture), MAX_OCTAVES, OCTAVE_COLUMNS), np.float32)
+    table[..., 2] = 1.0
+    for texture, octaves in OCTAVES.items():
+        for row, one in enumerate(octaves):
+            values = [one.tone, one.hue, one.wavelength_m, one.salt, *one.stretch]
+            table[texture, row] = [*values, one.is_along_surface]
+    octaves = mi.Float(table.ravel())
+    dr.make_opaque(octaves)
+    return octaves
+
+
+def compute_detail(
+    octaves: Any, w: WeatherTables, kind: Any, mapped: Any, p: Any, n: Any, footprint: Any
+) -> Any:
+    """Compute the factor of a material's albedo.
+
+    Args:
+        octaves: The table of `build_octave_table`.
+        w: The map of wear is in it.
+        kind: Number of the material's `Texture`.
+        mapped: Whether it has images.
+        p: Points of the world, metres.
+        n: Unit normals.
+        footprint: Width that a pixel sees, metres.
+    """
+    fine = dr.select(mapped, dr.maximum(footprint, MAPPED_M), footprint)
+    across = _find_surface_point(p, n)
+
+    def add(i: Any, tone: Any, hue: Any) -> tuple[Any, Any, Any]:
+        row = 2 * (kind * MAX_OCTAVES + i)
+        first = dr.gather(mi.Vector4f, octaves, row)
+        second = dr.gather(mi.Vector4f, octaves, row + 1)
+        place = dr.select(second.w > 0.5, across, mi.Vector3f(p))
+        q = place * mi.Vector3f(second.x, second.y, second.z) / first.z
+        strength = retained_contrast(first.z, fine) * _space_noise(q, mi.Int32(first.w))
+        return i + 1, tone + first.x * strength, hue + first.y * strength
+
+    def goes_on(i: Any, *_: Any) -> Any:
+        return i < MAX_OCTAVES
+
+    start = (mi.UInt32(0), mi.Float(0.0), mi.Float(0.0))
+    _, tone, hue = dr.while_loop(start, goes_on, add, labels=("i", "tone", "hue"))
+    q = mi.Point2f(p.x, p.y)
+    tone += dr.select(kind == int(Texture.ASPHALT), _wear_of_asphalt(w, p, q, fine, footprint), 0.0)
+    is_marking = kind == int(Texture.MARKING)
+    tone -= dr.select(is_marking, 0.8 * _worn_paint(q, fine), 0.0)
+    tone += _slab_tones(kind, mi.Point2f(across.x, across.y), n, fine, footprint)
+    return mi.Color3f(1.0 + tone + hue, 1.0 + tone + 0.25 * hue, 1.0 + tone - 0.5 * hue)
+
+
+def _find_surface_point(p: Any, n: Any) -> Any:
+    """Find the horizontal and upward coordinate on a surface; x and y on level ones."""
+    slope = dr.sqrt(n.x * n.x + n.y * n.y)
+    level = slope < LEVEL_SLOPE
+    safe = dr.maximum(slope, 1e-6)
+    right = (p.y * n.x - p.x * n.y) / safe
+    return mi.Vector3f(dr.select(level, p.x, right), dr.select(level, p.y, p.z / safe), 0.0)
+
+
+def _space_noise(p: Any, salt: Any) -> Any:
+    """Evaluate noise between layers of the plane's."""
+    layer = dr.floor(p.z)
+    f = p.z - layer
+    at, q = mi.Int32(layer) * 64 + salt, mi.Point2f(p.x, p.y)
+    return dr.lerp(value_noise(q, at), value_noise(q, at + 64), f * f * (3.0 - 2.0 * f))
+
+
+def _wear_of_asphalt(w: WeatherTables, p: Any, q: Any, fine: Any, footprint: Any) -> Any:
+    worn = 0.16 * compute_wear(w, p, fine) * (0.75 + 0.25 * value_noise(q / 5.0, 6))
+    return worn - 0.30 * _patches(q, footprint) - 0.45 * _cracks(q, footprint)
+
+
+def _cell_number(cell: Any, salt: int) -> Any:
+    i = mi.Vector2i(cell)
+    return hash_cell(i.x, i.y, salt)
+
+
+def _patches(q: Any, footprint: Any) -> Any:
+    """Evaluate rectangles of newer asphalt, some per hectare, mean 0."""
+    width_m, patched = 11.0, 0.22
+    mean = patched * 3.0 * 1.8 / width_m**2
+    cell = dr.floor(q / width_m)
+    kept = retained_contrast(2.0, footprint)
+    half = 0.5 * mi.Vector2f(3.0 + 1.6 * _cell_number(cell, 72), 1.8 + 0.8 * _cell_number(cell, 73))
+    offset = mi.Vector2f(_cell_number(cell, 74), _cell_number(cell, 75))
+    away = dr.abs(mi.Vector2f(q - (cell + 0.5) * width_m) - 3.0 * offset)
+    inside = dr.clip((half - away) / dr.maximum(footprint, 0.02) + 0.5, 0.0, 1.0)
+    is_patched = 0.5 + 0.5 * _cell_number(cell, 71) <= patched
+    return kept * (dr.select(is_patched, inside.x * inside.y, 0.0) - mean)
+
+
+def _cracks(q: Any, footprint: Any) -> Any:
+    """Evaluate cracks along the zeros of a slow noise, where another one is high enough."""
+    kept = retained_contrast(0.5, footprint)
+    allowed = smoothstep(0.15, 0.3, value_noise(q / 13.0, 81))
+    bent = q + 0.25 * mi.Point2f(value_noise(q / 0.4, 82), value_noise(q / 0.4, 83))
+    away = dr.abs(value_noise(bent / 3.7, 84)) * 3.7 * 0.6
+    soft = dr.maximum(footprint, 0.006)
+    return kept * allowed * dr.clip((0.012 - away) / soft + 0.5, 0.0, 1.0)
+
+
+def _worn_paint(q: Any, footprint: Any) -> Any:
+    """Evaluate chips of paint that came off: 1 where asphalt shows, less the mean."""
+    mean = 0.145
+    kept = retained_contrast(0.12, footprint)
+    off = 0.45 * value_noise(q / 0.07, 86) + 0.35 * value_noise(q / 0.02, 87)
+    off += 0.55 * value_noise(q / 1.3, 88)
+    return kept * (dr.clip((off - 0.3) / 0.12, 0.0, 1.0) - mean)
+
+
+def _slab_tones(kind: Any, uv: Any, n: Any, fine: Any, footprint: Any) -> Any:
+    """Evaluate the tones of slabs and cast panels, and the joints between them."""
+    is_paving = kind == int(Texture.PAVING)
+    upright = is_paving & (n.z < 0.5)
+    level_size = dr.select(is_paving, mi.Float(1.5), 0.5)
+    size = mi.Vector2f(
+        dr.select(upright, mi.Float(4.0), level_size), dr.select(upright, mi.Float(2.0), level_size)
+    )
+    width = dr.select(is_paving, mi.Float(0.02), 0.01)
+    tone = -0.45 * _joints(uv, size, width, footprint)
+    pieces = retained_contrast(2.0 * dr.min(size), fine) * _cell_number(dr.floor(uv / size), 4)
+    streaks = mi.Vector3f(uv.x / 0.5, uv.y * 0.12 / 0.5, 0.0)
+    streaks = retained_contrast(0.5, fine) * _space_noise(streaks, mi.Int32(5))
+    tone += dr.select(is_paving, 0.07 * pieces, 0.0) + dr.select(upright, 0.16 * streaks, 0.0)
+    return dr.select(is_paving | (kind == int(Texture.SLABS)), tone, 0.0)
+
+
+def _joints(uv: Any, size: Any, width: Any, footprint: Any) -> Any:
+    """Evaluate joints between pieces: 1 in them, less the fraction that they cover."""
+    kept = retained_contrast(dr.min(size), footprint)
+    soft = dr.maximum(footprint, 0.25 * width)
+    place = mi.Vector2f(uv / size)
+    off = dr.abs(place - dr.floor(place) - 0.5) * size
+    edge = dr.clip((off - 0.5 * (size - width)) / soft + 0.5, 0.0, 1.0)
+    mean = width / size
+    covered = edge.x + edge.y - edge.x * edge.y
+    return kept * (covered - (mean.x + mean.y - mean.x * mean.y))
