@@ -1,8 +1,8 @@
 """Detail of materials: the ratio of their albedo to its mean, a factor around 1.
 
 It depends on world position alone, so it never repeats in sight. Every octave has the mean 0 and
-fades where its wavelength comes close to the footprint of a pixel, so that nothing shimmers. What is
-finer than `MAPPED_M` is in the images of materials.
+fades where its wavelength comes close to the footprint of a pixel, so that nothing shimmers. What
+is finer than `MAPPED_M` is in the images of materials.
 """
 
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ LEVEL_SLOPE = 0.3
 """Sine of the slope up to which a surface counts as level."""
 MAX_OCTAVES = 8
 OCTAVE_COLUMNS = 8
-"""Numbers of an octave: contrast of tone and of hue, wavelength, salt; stretch of the three axes, and
-whether it lies along the surface (1) or the world (0)."""
+"""Numbers of an octave: contrast of tone and of hue, wavelength, salt; stretch of the three axes,
+and whether it lies along the surface (1) or the world (0)."""
 
 
 @dataclass(frozen=True)

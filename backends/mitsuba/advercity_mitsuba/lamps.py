@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from advercity.geometry.arrays import FloatArray
+from advercity.geometry.arrays import Float32Array, FloatArray
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.lamp_beams import (
     BEAMS,
@@ -34,13 +34,15 @@ GRID_CELLS, GRID_MARGIN_M = 32, 60.0
 """Cells along each edge of the ground that has lamps, and how far it extends beyond them."""
 CANDIDATES = 4
 """Lamps that a surface draws before it takes one."""
+FOG_BEAM_LENGTH_M, LEAST_GLOW_CHANCE = 40.0, 1e-3
+"""How long beams glow, and the chance of lamps whose glow hardly matters."""
 FLOOR_FRACTION = 0.05
 """Fraction of the choices that depend on intensities and distances alone."""
 STREET_LAMP_HEIGHT_M = 6.0
 LAMP_SIZE_M2, FOG_LAMP_SIZE_M2 = 0.01, 0.4
 """Squared size, nearer than which a lamp is not a point. A fog lamp represents two."""
-MAX_GLOWING = 24
-"""Lamps of which an image has the glow in the air."""
+GLOW_DRAWS = 24
+"""Lamps of which a path has the glow in the air."""
 DROPLET_UM = 12.0
 """Diameter of the droplets of which fog consists."""
 LOBES = DropletPhaseLobes.from_diameter_um(DROPLET_UM)
@@ -55,13 +57,14 @@ class LampTables:
     """Lamps on the device.
 
     Attributes:
-        count: Number of lamps.
+        stride: Chances of a cell, a power of two: the number of lamps is no part of a kernel.
         lamps: `LAMP_COLUMNS` floats each.
-        cells: Cumulative chance of each lamp by cell; the last row is for points off the grid.
+        cells: Cumulative chance of each lamp by cell, and 1 beyond the last; the last row is for
+            points off the grid.
         grid: Corner of the cells, and cells per metre.
     """
 
-    count: Any
+    stride: int
     lamps: Any
     cells: Any
     grid: Any
@@ -81,21 +84,22 @@ class LampSet:
         peak = colour * self._intensity_cd[:, None] * KILO
         zero = np.zeros(len(lamps))
         rows = np.column_stack([self._position, self._pattern, self._facing, size, peak, zero])
-        grid, chances = self._compute_cells()
+        grid, lux = self._estimate_cells()
+        stride = 1 << len(lamps).bit_length()
         self.tables = LampTables(
-            mi.UInt32(len(lamps)),
+            stride,
             mi.Float(rows.astype(np.float32).ravel()),
-            mi.Float(np.cumsum(chances, axis=1).astype(np.float32).ravel()),
+            mi.Float(_accumulate(lux, stride).ravel()),
             mi.Vector4f(*grid),
         )
         tables = self.tables
-        dr.make_opaque(tables.count, tables.lamps, tables.cells, tables.grid)
+        dr.make_opaque(tables.lamps, tables.cells, tables.grid)
 
     def __len__(self) -> int:
         return len(self._pattern)
 
-    def _compute_cells(self) -> tuple[list[float], FloatArray]:
-        """Compute the grid, and the chances (cells + 1, lamps) of each lamp in each cell."""
+    def _estimate_cells(self) -> tuple[list[float], FloatArray]:
+        """Compute the grid, and the light (cells + 1, lamps) of each lamp in each cell."""
         low = self._position[:, :2].min(axis=0) - GRID_MARGIN_M
         size = self._position[:, :2].max(axis=0) + GRID_MARGIN_M - low
         per_m = GRID_CELLS / size
@@ -103,7 +107,7 @@ class LampSet:
         x, y = np.meshgrid(low[0] + middle / per_m[0], low[1] + middle / per_m[1])
         lux = self._estimate_lux(np.stack([x, y], axis=-1).reshape(-1, 2), np.hypot(*(0.5 / per_m)))
         lux = np.vstack([lux, self._intensity_cd])
-        return [*map(float, low), *map(float, per_m)], lux / lux.sum(axis=1, keepdims=True)
+        return [*map(float, low), *map(float, per_m)], lux
 
     def _estimate_lux(self, points: FloatArray, radius_m: float) -> FloatArray:
         """Estimate the illuminance (n, lamps) around points (n, 2) of the ground."""
@@ -131,22 +135,28 @@ class LampSet:
             floor.sum(axis=1, keepdims=True), 1e-12
         )
 
-    def select_glowing(self, view: CameraView) -> Any:
-        """Select the lamps whose glow in the air is the brightest in an image, as their rows."""
-        if self._extinction <= 0.0:
-            return mi.UInt32()
+    def build_glow_chances(self, view: CameraView) -> Any:
+        """Build the cumulative chances of lamps by their glow in the air of an image."""
         eye, ahead = view.world_from_camera[:3, 3], view.world_from_camera[:3, 0]
         # A beam glows along its length, so the nearest point of it counts.
-        length = np.where(np.isin(self._pattern, list(BEAMS)), 40.0, 0.0)
+        length = np.where(np.isin(self._pattern, list(BEAMS)), FOG_BEAM_LENGTH_M, 0.0)
         along = np.clip(((eye - self._position) * self._facing).sum(axis=1), 0.0, length)
         away = self._position + along[:, None] * self._facing - eye
         distance = np.maximum(np.linalg.norm(away, axis=1), 1.0)
         behind = np.maximum(0.0, -(away @ ahead))
         glow = self._intensity_cd * np.exp(-self._extinction * distance) / (distance + 3.0 * behind)
-        rows = np.argsort(-glow, kind="stable")[:MAX_GLOWING]
-        chosen = mi.UInt32(rows.astype(np.uint32))
-        dr.make_opaque(chosen)
-        return chosen
+        glow = glow / glow.sum() + LEAST_GLOW_CHANCE
+        chances = mi.Float(_accumulate(glow[None], self.tables.stride).ravel())
+        dr.make_opaque(chances)
+        return chances
+
+
+def _accumulate(weights: FloatArray, stride: int) -> Float32Array:
+    """Sum weights (n, lamps) to cumulative chances (n, stride), 1 from the last lamp on."""
+    chances = np.ones((len(weights), stride), np.float32)
+    total = np.cumsum(weights, axis=1)
+    chances[:, : weights.shape[1] - 1] = (total / total[:, -1:])[:, :-1]
+    return chances
 
 
 @dataclass
@@ -266,19 +276,11 @@ def choose_lamp(
     cell = mi.Vector2i(dr.floor(cell))
     inside = (cell.x >= 0) & (cell.y >= 0) & (cell.x < GRID_CELLS) & (cell.y < GRID_CELLS)
     row = dr.select(inside, mi.UInt32(cell.y * GRID_CELLS + cell.x), GRID_CELLS**2)
-    first = row * tables.count
-
-    def look_up(row: Any, active: Any = active) -> Any:
-        return dr.gather(mi.Float, tables.cells, first + row, active)
+    first = row * tables.stride
 
     def draw(i: Any, random: Any, chosen: Any, given: Any, total: Any) -> tuple[Any, ...]:
         number = random.next_float32()
-
-        def is_below(row: Any) -> Any:
-            return look_up(row) <= number
-
-        row = dr.binary_search(0, tables.count - 1, is_below)
-        chance = look_up(row) - look_up(row - 1, active & (row > 0))
+        row, chance = _draw_row(tables.cells, first, tables.stride, number, active)
         lux, direction, _ = compute_illuminance(light, fetch_lamp(tables, row, active), position)
         cosine = dr.maximum(dr.dot(normal, direction), LEAST_COSINE)
         gives = mi.luminance(lux) * cosine
@@ -312,26 +314,30 @@ def _evaluate_phase(cosine: Any) -> tuple[Any, Any]:
 
 
 def compute_glow(
-    light: Light, tables: LampTables, glowing: Any, eye: Any, ray: Any, range_m: Any, random: Any
+    light: Light, tables: LampTables, chances: Any, eye: Any, ray: Any, range_m: Any, random: Any
 ) -> tuple[Any, Any]:
     """Compute the light of lamps that the air scatters once into rays.
 
-    One point of the ray for each lamp, drawn evenly in the cube root of the angle at the lamp:
-    steps are short where the phase function is steep (equiangular sampling, Kulla and Fajardo
+    One point of the ray for each of some lamps, drawn evenly in the cube root of the angle at the
+    lamp: steps are short where the phase function is steep (equiangular sampling, Kulla and Fajardo
     2012).
 
     Returns:
         Radiance, and the random numbers' next state.
     """
-    count = dr.opaque(mi.UInt32, dr.width(glowing))
+    first = random.next_float32()
 
     def add_lamp(i: Any, random: Any, total: Any) -> tuple[Any, Any, Any]:
-        lamp = fetch_lamp(tables, dr.gather(mi.UInt32, glowing, i))
+        # Evenly spaced, so that the brightest are never left out.
+        number = (mi.Float(i) + first) / GLOW_DRAWS
+        row, chance = _draw_row(chances, mi.UInt32(0), tables.stride, number, mi.Bool(True))
+        lamp = fetch_lamp(tables, row)
         glow = _compute_lamp_glow(light, lamp, eye, ray, range_m, random.next_float32())
+        glow *= dr.select(chance > 0.0, 1.0 / (GLOW_DRAWS * chance), 0.0)
         return i + 1, random, total + glow
 
     def goes_on(i: Any, *_: Any) -> Any:
-        return i < count
+        return i < GLOW_DRAWS
 
     _, random, total = dr.while_loop(
         (mi.UInt32(0), random, mi.Color3f(0.0)),
@@ -340,6 +346,19 @@ def compute_glow(
         labels=("i", "random", "total"),
     )
     return total, random
+
+
+def _draw_row(chances: Any, first: Any, stride: int, number: Any, active: Any) -> tuple[Any, Any]:
+    """Find the row of a random number among cumulative chances, and its chance."""
+
+    def look_up(row: Any, active: Any) -> Any:
+        return dr.gather(mi.Float, chances, first + row, active)
+
+    def is_below(row: Any) -> Any:
+        return look_up(row, active) <= number
+
+    row = dr.binary_search(0, stride - 1, is_below)
+    return row, look_up(row, active) - look_up(row - 1, active & (row > 0))
 
 
 def _compute_lamp_glow(light: Light, lamp: Lamp, eye: Any, ray: Any, range_m: Any, u: Any) -> Any:

@@ -62,7 +62,7 @@ class Scene:
     light: Light
     weather: WeatherTables
     lamps: LampTables | None
-    glowing: Any
+    glow_chances: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -427,7 +427,7 @@ def _start_path(scene: Scene, camera: Camera, direction: Any, random: Any) -> _P
     if light.night and light.has_air and scene.lamps is not None:
         range_m = dr.minimum(crossing.distance, FAR_M)
         radiance, random = compute_glow(
-            light, scene.lamps, scene.glowing, origin, direction, range_m, random
+            light, scene.lamps, scene.glow_chances, origin, direction, range_m, random
         )
     return _Path(
         origin=origin,

@@ -106,7 +106,7 @@ class MitsubaRenderer:
             light=self._light,
             weather=self._weather,
             lamps=None if self._lamps is None else self._lamps.tables,
-            glowing=None if self._lamps is None else self._lamps.select_glowing(view),
+            glow_chances=None if self._lamps is None else self._lamps.build_glow_chances(view),
         )
 
     def _get_images(self) -> DeviceImages:

@@ -1,17 +1,20 @@
 """Pictures of Mitsuba mean what those of SAPIEN and the core's rays mean."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from advercity_dsl import Weather
 from advercity_mitsuba import MitsubaBackend
 from numpy.typing import NDArray
 
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
-from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
+from advercity.physics.extinction import AirExtinction, Extinction
 from advercity.rendering.backend import (
     Backend,
     CameraCapture,
@@ -21,7 +24,7 @@ from advercity.rendering.backend import (
 )
 from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.semantics import Semantic
-from advercity.world import Body, World
+from advercity.world import Body, StreetLamp, World
 from tests.render_builders import LUMINANCE, build_box, build_clear_air, set_matt_materials
 
 pytestmark = pytest.mark.render
@@ -41,10 +44,10 @@ def matt(monkeypatch: pytest.MonkeyPatch) -> None:
     set_matt_materials(monkeypatch, gravel=0.3, plaster=0.6, grey=0.5)
 
 
-def build_world(static: tuple[Mesh, ...] = STATIC) -> World:
+def build_world(static: tuple[Mesh, ...] = STATIC, lamps: tuple[StreetLamp, ...] = ()) -> World:
     car = build_box((0, 0, 0.75), CAR_SIZE, "grey", Semantic.VEHICLE)
     body = Body((car,), CAR_SIZE)
-    return World("test", static, {"car": body}, lanes=(), network=Path("none"))
+    return World("test", static, {"car": body}, lanes=(), network=Path("none"), street_lamps=lamps)
 
 
 def build_frame(*positions: tuple[float, float, float]) -> Frame:
@@ -92,6 +95,37 @@ def test_daylight_is_as_bright_as_sapiens(backend: MitsubaBackend) -> None:
         where = expected.semantic == semantic
         mean = brightness(expected)[where].mean()
         assert brightness(found)[where].mean() == pytest.approx(mean, rel=0.04), semantic
+
+
+@pytest.mark.parametrize("extinction", [0.0, 0.003, 0.01], ids=["clear", "mist", "fog"])
+def test_lamps_are_as_bright_as_sapiens(backend: MitsubaBackend, extinction: float) -> None:
+    fog = AirExtinction(fog=Extinction(at_550nm=extinction))
+    night = build_clear_air(night=True, extinction=fog)
+    world = build_world(lamps=(StreetLamp((4.0, 3.0, 6.0)), StreetLamp((10.0, -5.0, 6.0))))
+    empty = build_frame()
+    found = render(backend, night, world=world, frame=empty)
+    expected = render(load_backend("sapien"), night, world=world, frame=empty)
+    assert brightness(found).mean() == pytest.approx(brightness(expected).mean(), rel=0.03)
+
+
+WEATHERS = {
+    "fog": {"fog": {"mor_m": 75}, "air": {"mor_m": None}},
+    "soaked": {"surface": {"wetness": 1.0, "puddle_coverage": 0.3}, "rain": {"rate_mm_h": 30}},
+    "snow": {"snow": {"rate_mm_h": 0, "depth_mm": 40, "road_coverage": 0.7}, "temperature_c": -3},
+}
+
+
+@pytest.mark.parametrize("name", WEATHERS)
+def test_weather_is_as_bright_as_sapiens(backend: MitsubaBackend, name: str) -> None:
+    weather = Weather.model_validate({"id": "w", "time": "day", **WEATHERS[name]})
+    air = compute_atmosphere(weather, "rural")
+    static = replace(STATIC[0], material="asphalt"), *STATIC[1:]
+    world = build_world(static)
+    found, expected = (render(each, air, world=world) for each in (backend, load_backend("sapien")))
+    for semantic in (Semantic.ROAD, Semantic.BUILDING, Semantic.SKY):
+        where = expected.semantic == semantic
+        mean = brightness(expected)[where].mean()
+        assert brightness(found)[where].mean() == pytest.approx(mean, rel=0.05), semantic
 
 
 def test_rays_of_the_core_hit_what_pixels_show(backend: MitsubaBackend) -> None:
