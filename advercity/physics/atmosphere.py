@@ -18,6 +18,7 @@ from advercity.physics import photometry, sky
 from advercity.physics.clouds import CloudLayer, choose_cloud_kind
 from advercity.physics.extinction import AirExtinction, compute_extinction, extinction_from_mor
 from advercity.physics.fog_transfer import FogBank, compute_fog_radiance
+from advercity.physics.moonlight import compute_moonlight
 from advercity.physics.photometry import LED_COLOUR, Colour
 from advercity.physics.precipitation import (
     ParticleSizeDistribution,
@@ -34,9 +35,9 @@ class Atmosphere:
 
     Attributes:
         extinction: Extinction coefficients of the air by component, 1/m.
-        sun_direction: Unit vector (3,) towards the sun.
-        sun_lx: Direct normal illuminance by the sun, after the loss in fog above the ground.
-        sun_colour: Colour of direct sunlight.
+        sun_direction: Unit vector (3,) towards the sun, or towards the moon at night if it shines.
+        sun_lx: Direct normal illuminance by it, after the loss in fog above the ground.
+        sun_colour: Colour of its light.
         sky_lx: Diffuse horizontal illuminance by the upper half of `sky`.
         sky: (6, n, n, 3) float32 cubemap of luminance in cd/m² without the sun's disc, faces
             +x -x +y -y +z -z of the world; below the horizon it holds the light of the ground.
@@ -153,27 +154,34 @@ class _SceneLight:
 def compute_atmosphere(weather: Weather, land_use: LandUse) -> Atmosphere:
     """Compute the atmosphere of `weather` over a town or the country."""
     extinction = compute_extinction(weather)
-    sun = sky.direction_from_elevation_azimuth(weather.sun.elevation_deg, weather.sun.azimuth_deg)
     night = weather.time == "night"
+    moonlight = compute_moonlight(weather)
+    source = weather.moon if night and moonlight.diffuse_lx else weather.sun
+    towards = sky.direction_from_elevation_azimuth(source.elevation_deg, source.azimuth_deg)
     if night:
         light = _compute_night_light(weather, land_use, extinction)
         twilight = derive_daylight(weather)
         if twilight.diffuse_lx:
+            sun = sky.direction_from_elevation_azimuth(
+                weather.sun.elevation_deg, weather.sun.azimuth_deg
+            )
             light = light.add(_compute_day_light(weather, sun, extinction, twilight))
+        if moonlight.diffuse_lx:
+            light = light.add(_compute_day_light(weather, towards, extinction, moonlight))
     else:
-        light = _compute_day_light(weather, sun, extinction, daylight_for_weather(weather))
+        light = _compute_day_light(weather, towards, extinction, daylight_for_weather(weather))
     sky_lx = photometry.horizontal_illuminance(light.sky)
     return Atmosphere(
         extinction=extinction,
-        sun_direction=sun,
+        sun_direction=towards,
         sun_lx=light.sun_lx,
-        sun_colour=sun_colour(weather.sun.elevation_deg),
+        sun_colour=sun_colour(source.elevation_deg),
         sky_lx=sky_lx,
         sky=light.sky.astype(np.float32),
         airlight=light.airlight.astype(np.float32),
         street_lx=light.street_lx,
         night=night,
-        clouds=_choose_clouds(weather, extinction, sun, light.sun_lx, sky_lx),
+        clouds=_choose_clouds(weather, extinction, towards, light.sun_lx, sky_lx),
         cloud_contrast=1.0 - compute_fog_light_fraction(extinction),
         **_list_air_and_ground(weather),
     )

@@ -19,6 +19,8 @@ from advercity.physics.precipitation import is_precipitating
 _TWILIGHT_ELEVATION_DEG = (-18.0, -12.0, -6.0, 0.0)
 _TWILIGHT_LX = (0.0006, 0.008, 3.4, 800.0)
 """Illuminance by a clear sky; at sunset that of `clear_daylight`."""
+SOLAR_LX = 127_500.0
+"""Illuminance by the sun above the atmosphere, normal to its rays (IES 1984)."""
 RAIN_CLOUD_TRANSMITTANCE = 0.5
 """Transmittance of a raining or snowing cloud, relative to a dry one of the same cover."""
 
@@ -47,7 +49,7 @@ def clear_daylight(elevation_deg: float) -> Daylight:
     """Compute the daylight of a cloudless sky (IES 1984) with the sun above the horizon."""
     sine = math.sin(math.radians(elevation_deg))
     return Daylight(
-        direct_lx=127_500.0 * math.exp(-0.21 * air_mass(elevation_deg)),
+        direct_lx=SOLAR_LX * math.exp(-0.21 * air_mass(elevation_deg)),
         diffuse_lx=800.0 + 15_500.0 * math.sqrt(sine),
     )
 

@@ -27,6 +27,7 @@ from advercity.physics.extinction import (
     compute_extinction,
     mor_from_extinction,
 )
+from advercity.physics.moonlight import compute_moonlight
 from advercity.physics.sky import daylight_for_weather, derive_daylight
 from advercity.physics.stopping import compute_stopping_distance
 from advercity.physics.weather_text import format_weather
@@ -152,7 +153,10 @@ def _describe_light(weather: Weather) -> str:
     if weather.time == "night":
         night, twilight_lx = weather.night, derive_daylight(weather).diffuse_lx
         sun = f"sun at {weather.sun.elevation_deg:.3g} deg, sky {twilight_lx:.2g} lx; "
-        return (sun if twilight_lx else "") + (
+        moonlight, height_deg = compute_moonlight(weather), weather.moon.elevation_deg
+        moon = f"moon {moonlight.direct_lx:.2g} lx at {height_deg:.3g} deg; "
+        shining = (sun if twilight_lx else "") + (moon if moonlight.diffuse_lx else "")
+        return shining + (
             f"street lamps {night.street_lx.urban:g} lx in town, {night.street_lx.rural:g} lx"
             f" outside; sky {night.glow_cd_m2.urban:g}, {night.glow_cd_m2.rural:g} cd/m2"
         )

@@ -35,12 +35,14 @@ from advercity_dsl.units import (
 )
 from advercity_dsl.weather_components import (
     NO_HAIL,
+    NO_MOON,
     Air,
     Dust,
     Fog,
     Hail,
     Lamps,
     Lens,
+    Moon,
     Night,
     Rain,
     Sky,
@@ -151,6 +153,8 @@ class Weather(Declaration):
     """Lamps that drivers switch on."""
     temperature_c: Annotated[Celsius, Field(ge=-60, le=60)] = 15
     """Temperature of the air."""
+    moon: Moon = Field(default=NO_MOON, exclude_if=lambda value: value == NO_MOON)
+    """The moon; new by default. It stays where it is: an hour moves it by 15 degrees."""
     sun_at: ByName[Sun] = Field(default_factory=dict)
     """Position of the sun at a road, by road id; replaces `sun` at that road."""
 

@@ -310,11 +310,27 @@ class ByLandUse(Model):
     """Value in rural areas."""
 
 
+class Moon(Model):
+    """The moon; by day it is too faint to matter."""
+
+    phase: Fraction = 0
+    """Fraction of its disc that is lit: 0 new, 0.5 half, 1 full."""
+    elevation_deg: Annotated[Degrees, Field(ge=-90, le=90)] = 45
+    """Elevation above the horizon."""
+    azimuth_deg: Direction = 180
+    """Azimuth, clockwise from north."""
+
+
+NO_MOON = Moon()
+
+
 class Night(Model):
-    """Light at night from other sources than vehicles."""
+    """Light at night from other sources than vehicles and the moon."""
 
     glow_cd_m2: ByLandUse = ByLandUse(urban=0.007, rural=0.0005)
-    """Mean luminance of the night sky."""
+    """Mean luminance of the night sky without the moon: 108,000 * 10^(-0.4 m) at m magnitudes per
+    square arcsecond. By the classes of Bortle (2001) 2e-4 is 1 to 3, 5e-4 is 4 (rural), 0.001 and
+    0.002 are 5 and 6 (suburbs), 0.007 is 8 or 9 (cities); clouds make towns ten times as bright."""
     street_lx: ByLandUse = ByLandUse(urban=12, rural=0.5)
     """Mean illuminance of the road by street lamps."""
 
