@@ -56,7 +56,6 @@ PYTHON_SECTIONS = {
         "advercity.dataset.agent_view.AgentView",
         "advercity.dataset.received_messages.ReceivedMessage",
         "advercity.sensors.messages.StationData",
-        "advercity.sensors.messages.PerceivedObjects",
     ],
     "Writing a backend": [
         "advercity.rendering.backend.Backend",
