@@ -39,7 +39,7 @@ ROOMS = (
     ("sensors",),
     ("channel",),
     ("dataset",),
-    ("viewer", "study"),
+    ("viewer", "study", "benchmark"),
     ("pipeline",),
     ("exports",),
     ("api", "testing"),

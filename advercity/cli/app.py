@@ -7,6 +7,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from advercity.cli import authoring, datasets, running
 from advercity.cli.assets import assets
+from advercity.cli.benchmark import benchmark
 from advercity.cli.cache import cache
 from advercity.cli.importing import imports
 from advercity.cli.output import exit_with_error, print_data, show_status
@@ -105,7 +106,13 @@ for panel, part in PANELS.items():
     for command in part.registered_commands:
         command.rich_help_panel, command.cls = panel, StatusCommand
     app.registered_commands += part.registered_commands
-for group, panel in ((imports, "Author"), (assets, "Machine"), (cache, "Machine")):
+GROUPS = (
+    (imports, "Author"),
+    (benchmark, "Dataset"),
+    (assets, "Machine"),
+    (cache, "Machine"),
+)
+for group, panel in GROUPS:
     for command in group.registered_commands:
         command.cls = StatusCommand
     app.add_typer(group, rich_help_panel=panel)

@@ -1,0 +1,1 @@
+"""Evaluation of detectors on datasets: predictions of any model against the annotations."""
