@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 imports = typer.Typer(
     name="import",
-    help="Recorded traffic of others: tables of trajectories, OpenSCENARIO.",
+    help="Take over traffic that others recorded.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
