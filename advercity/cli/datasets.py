@@ -19,6 +19,7 @@ EXPORT_FORMAT_NAMES = (
     "kitti",
     "mcap",
     "nuscenes",
+    "openlabel",
     "openscenario",
     "osi",
 )

@@ -61,6 +61,7 @@ EXPORT_FORMATS = {
         ExportFormat("kitti", "kitti"),
         ExportFormat("mcap", "mcap_recording", {"schemas": ("foxglove", "ros2")}),
         ExportFormat("nuscenes", "nuscenes", {"key_frames": ("all", "2hz")}),
+        ExportFormat("openlabel", "openlabel"),
         ExportFormat("openscenario", "openscenario"),
         ExportFormat("osi", "osi_trace"),
     )
