@@ -12,7 +12,7 @@ from advercity.channel.impairments import ChannelRandomness
 from advercity.frames import Trace
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array
-from advercity.sensors.annotation import Annotation, annotate_actors
+from advercity.sensors.annotation import annotate_actors
 from advercity.sensors.messages import MessageKind, PerceivedObjects, StationData, to_level_pose
 from advercity.sensors.sensor_frame import SensorFrame
 
@@ -112,7 +112,8 @@ def perceive_objects(
     Errors are drawn along the line of sight and across it, so that the covariances are those of
     what was drawn. Positions are relative to the true pose: they have no errors of localisation.
     """
-    found = [item for item in annotate_actors(sensor_frame) if is_perceived(item, message)]
+    annotated = annotate_actors(sensor_frame)
+    found = [item for item in annotated if item.lidar_points >= message.min_points]
     found.sort(key=lambda item: (item.distance_m, item.state.actor.id))
     found = found[: message.max_objects]
     count = len(found)
@@ -144,11 +145,6 @@ def perceive_objects(
         heading_sd_rad=math.radians(message.heading_noise_deg),
         velocity_sd_m_s=message.speed_noise_m_s,
     )
-
-
-def is_perceived(item: Annotation, message: PerceptionMessage) -> bool:
-    """Return whether an object has the LiDAR points that a perception message asks for."""
-    return item.lidar_points >= message.min_points
 
 
 def _measure_errors(

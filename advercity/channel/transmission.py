@@ -97,7 +97,7 @@ class V2xChannel:
         duration_s = spec.timing.max_ticks * spec.timing.tick_s
         self._randomness = ChannelRandomness(spec, channel, duration_s=duration_s)
         self._paths = RadioPaths(world) if channel.radio is not None else None
-        self._environment: Environment = find_environment(spec, channel)
+        self._environment: Environment = _find_environment(spec, channel)
         self._cam_ticks: Mapping[str, frozenset[int]] = {}
         if channel.cam is not None and channel.cam.generation == "dynamic":
             self._cam_ticks = {agent.id: find_cam_ticks(agent, trace) for agent in spec.agents}
@@ -271,7 +271,7 @@ class V2xChannel:
         return self._channel.radio.sensitivity_dbm
 
 
-def find_environment(spec: Spec, channel: Channel) -> Environment:
+def _find_environment(spec: Spec, channel: Channel) -> Environment:
     """Find which path loss holds on the road of a spec."""
     declared = channel.radio.environment if channel.radio is not None else "auto"
     if declared == "auto":
