@@ -16,12 +16,15 @@ if TYPE_CHECKING:
 commands = typer.Typer()
 EXPORT_FORMAT_NAMES = (
     "coco",
+    "croissant",
     "kitti",
     "mcap",
     "nuscenes",
     "openlabel",
     "openscenario",
     "osi",
+    "v2xr",
+    "webdataset",
 )
 
 

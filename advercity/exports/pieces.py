@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -91,7 +91,7 @@ class PieceFiles:
         with self.open(path) as stream, JsonList(stream) as rows:
             yield rows
 
-    def track(self, frames: Sequence[FrameView]) -> Iterator[FrameView]:
+    def track(self, frames: Iterable[FrameView]) -> Iterator[FrameView]:
         """Iterate over frames, and report each when it is done."""
         for frame in frames:
             yield frame

@@ -58,12 +58,15 @@ EXPORT_FORMATS = {
     one.name: one
     for one in (
         ExportFormat("coco", "coco"),
+        ExportFormat("croissant", "croissant"),
         ExportFormat("kitti", "kitti"),
         ExportFormat("mcap", "mcap_recording", {"schemas": ("foxglove", "ros2")}),
         ExportFormat("nuscenes", "nuscenes", {"key_frames": ("all", "2hz")}),
         ExportFormat("openlabel", "openlabel"),
         ExportFormat("openscenario", "openscenario"),
         ExportFormat("osi", "osi_trace"),
+        ExportFormat("v2xr", "v2xr"),
+        ExportFormat("webdataset", "webdataset_shards"),
     )
 }
 

@@ -69,17 +69,16 @@ def masked_dataset(tmp_path_factory: pytest.TempPathFactory, spec: Spec) -> Path
     return root
 
 
-@pytest.fixture(scope="session")
-def radar_dataset(
-    tmp_path_factory: pytest.TempPathFactory, spec: Spec, sensor_frames_of: SensorFramesOf
+def write_radar_scenario(
+    root: Path, spec: Spec, sensor_frames_of: SensorFramesOf, *, kinds: tuple[str, ...]
 ) -> Path:
-    """Two frames of agents of which the connected vehicles have a radar ahead."""
+    """Write two frames of agents of which those of some kinds have a radar ahead."""
     radar = Radar(mounts=(RADAR_MOUNT,))
     agents = tuple(
         agent.model_copy(
             update={
                 "sensors": agent.sensors.model_copy(
-                    update={"radar": radar if agent.place.kind == "vehicle" else None}
+                    update={"radar": radar if agent.place.kind in kinds else None}
                 )
             }
         )
@@ -93,6 +92,24 @@ def radar_dataset(
             for frame, agent in zip(sensor_frames_of(index), agents, strict=True)
         )
 
-    root = tmp_path_factory.mktemp("radars")
     write_scenario(root, equipped, sensor_frames, frames=2)
     return root
+
+
+@pytest.fixture(scope="session")
+def radar_dataset(
+    tmp_path_factory: pytest.TempPathFactory, spec: Spec, sensor_frames_of: SensorFramesOf
+) -> Path:
+    """Two frames of agents of which the connected vehicles have a radar ahead."""
+    root = tmp_path_factory.mktemp("radars")
+    return write_radar_scenario(root, spec, sensor_frames_of, kinds=("vehicle",))
+
+
+@pytest.fixture(scope="session")
+def all_radars_dataset(
+    tmp_path_factory: pytest.TempPathFactory, spec: Spec, sensor_frames_of: SensorFramesOf
+) -> Path:
+    """The same with a radar on roadside units, too."""
+    root = tmp_path_factory.mktemp("all_radars")
+    kinds = ("vehicle", "roadside_unit")
+    return write_radar_scenario(root, spec, sensor_frames_of, kinds=kinds)
