@@ -30,6 +30,8 @@ CROP_HEIGHT_M = 0.6
 CROP_CLEARANCE_M = 0.8
 STALKS_MAX_DISTANCE_M = 30.0
 """Distance from street axes within which crops have stalks; beyond, ridges look like plants."""
+STALKS_PER_TOP, STALK_WIDTH_M = 12, 0.05
+"""Leaves about every point of a ridge, and how wide they are at the foot."""
 FURROW_HEIGHT_M = 0.28
 _ROW_SPACING_M, _ALONG_ROW_STEP_M = 1.3, 3.0
 MAX_TREES = 400
@@ -107,12 +109,12 @@ def _find_free_cells(rows: Float64Array, free: NDArray[np.bool_]) -> NDArray[np.
 
 
 def _build_stalks(tops: Float64Array, height_m: float, key: str) -> TriangleSurface:
-    """Build upright leaves, four about every point (n, 3), with the upward normal of the field."""
+    """Build upright leaves about points (n, 3), with the upward normal of the field."""
     draw = create_generator("stalks", key)
-    foot = np.repeat(tops, 4, axis=0)
+    foot = np.repeat(tops, STALKS_PER_TOP, axis=0)
     foot += draw.uniform(-1, 1, foot.shape) * (0.5, 0.5, 0.0) * _ALONG_ROW_STEP_M / 2
     yaw = draw.uniform(0, 2 * np.pi, len(foot))
-    side = 0.16 * np.column_stack([np.cos(yaw), np.sin(yaw), np.zeros(len(foot))])
+    side = STALK_WIDTH_M / 2 * np.column_stack([np.cos(yaw), np.sin(yaw), np.zeros(len(foot))])
     lean = draw.uniform((-0.1, -0.1, 0.25), (0.1, 0.1, 0.65), foot.shape) * (1, 1, height_m)
     root = np.array([0.0, 0.0, 0.25])
     corners = np.stack([foot - side - root, foot + side - root, foot + lean], axis=1).reshape(-1, 3)
