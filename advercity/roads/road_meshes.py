@@ -57,6 +57,11 @@ def build_road_meshes(layout: RoadLayout) -> list[Mesh]:
     return [*merge_surfaces(pieces, ROAD_SURFACES), *markings.build_marking_meshes(layout)]
 
 
+def is_asphalt(strip: StripLayout) -> bool:
+    """Whether a strip belongs to the roadway."""
+    return _strip_surface(strip) == ASPHALT
+
+
 def _strip_surface(strip: StripLayout) -> str:
     return STRIP_SURFACES.get(strip.kind, ASPHALT)
 

@@ -17,7 +17,7 @@ from advercity.roads import lane_segments
 from advercity.roads.imported_road import ImportedRoadNetwork
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.layout import RoadLayout, lay_out_road
-from advercity.roads.road_meshes import KERB_HEIGHT_M, build_road_meshes
+from advercity.roads.road_meshes import KERB_HEIGHT_M, build_road_meshes, is_asphalt
 from advercity.roads.signals import TrafficLight, TrafficSign
 from advercity.roads.streets import StreetLayout, StripLayout
 
@@ -123,9 +123,14 @@ class AuthoredRoadNetwork:
 
     @property
     def roadway_level_area(self) -> BaseGeometry:
-        """Roadways of junctions, onto which SUMO's walking areas extend."""
+        """Roadways of junctions, onto which SUMO's walking areas extend, and of streets."""
         outlines = [junction.roadway_outline[:, :2] for junction in self._layout.junctions.values()]
-        return shapely.union_all([shapely.Polygon(outline) for outline in outlines])
+        for street in self._layout.streets.values():
+            for strip in filter(is_asphalt, (*street.left_strips, *street.right_strips)):
+                edges = [street.offset_line(t)[:, :2] for t in (strip.inner_t, strip.outer_t)]
+                outlines.append(np.concatenate([edges[0], edges[1][::-1]]))
+        polygons = shapely.make_valid([shapely.Polygon(outline) for outline in outlines])
+        return shapely.union_all(polygons, grid_size=GRID_M)
 
     @cached_property
     def traffic_lights(self) -> tuple[TrafficLight, ...]:

@@ -1,4 +1,4 @@
-"""Wheels of simulated vehicles touch the road mesh."""
+"""Wheels of simulated vehicles touch the road mesh, and people walk on the ground."""
 
 from dataclasses import replace
 
@@ -10,6 +10,7 @@ from advercity.frames import ActorState, Trace
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.scene.build import build_world
+from advercity.semantics import Semantic
 from advercity.world import World
 
 pytestmark = pytest.mark.sumo
@@ -49,3 +50,25 @@ def test_wheels_touch_the_road_on_grades_too(hills: tuple[World, Trace]):
         steepest = max(steepest, *(abs(state.world_from_body[2, 0]) for state in frame.states))
     assert steepest > 0.07
     assert np.abs(gaps).max() < 0.02
+
+
+def test_people_walk_on_the_ground_on_streets_too(specs: dict[str, Spec]):
+    spec = specs["unj_clear_day_sparse"]
+    traffic = load_or_simulate_traffic(spec)
+    caster = Raycaster(build_world(spec, traffic.network_path))
+    semantic: list[int] = []
+    gaps: list[float] = []
+    for index in range(0, len(traffic.trace), EVERY):
+        frame = traffic.trace.build_frame(index)
+        people = [one for one in frame.states if one.actor.actor_class == "pedestrian"]
+        feet = np.array([one.world_from_body[:3, 3] for one in people])
+        down = np.tile(np.array([0, 0, -1], np.float32), (len(feet), 1))
+        above = np.add(feet, [0, 0, LIFT_M]).astype(np.float32)
+        hits = caster.cast(Rays(above, down), 2 * LIFT_M)
+        gaps += (hits.range_m - LIFT_M).tolist()
+        semantic += hits.semantic.tolist()
+    on_street = np.isin(semantic, (Semantic.ROAD, Semantic.ROAD_LINE))
+    assert on_street.sum() >= 3
+    # They need a step to climb a kerb of 0.15 m.
+    assert np.abs(gaps).max() < 0.15
+    assert np.median(np.abs(np.array(gaps)[on_street])) < 0.02
