@@ -14,6 +14,7 @@ from advercity_dsl import (
     Spec,
     StagedConflict,
     Timing,
+    TrajectorySet,
     Weather,
 )
 
@@ -31,6 +32,7 @@ from advercity.physics.moonlight import compute_moonlight
 from advercity.physics.sky import daylight_for_weather, derive_daylight
 from advercity.physics.stopping import compute_stopping_distance
 from advercity.physics.weather_text import format_weather
+from advercity.recordings.track_file import unpack_tracks
 from advercity.roads.junction_arms import JunctionArms
 from advercity.roads.routes import RoutePlanner
 from advercity.sensors.lidar.received_power import detection_range_m
@@ -58,13 +60,37 @@ def load_rows(folder: Path) -> list[dict[str, Any]]:
 
 
 def _build_spec_row(spec: Spec) -> dict[str, Any]:
+    vehicles, walkers = _count_actors(spec)
     return {
         "scenario": spec.id,
-        "vehicles": spec.demand.vehicles,
-        "walkers": spec.demand.walkers,
+        "vehicles": vehicles,
+        "walkers": walkers,
         "weather": format_weather(spec.weather),
         "crash groups": " ".join(group.typology for group in spec.groups),
     }
+
+
+def _count_actors(spec: Spec) -> tuple[int, int]:
+    """Count the vehicles and pedestrians that a spec asks for, or that were recorded."""
+    recorded = spec.road.trajectories
+    if not isinstance(recorded, TrajectorySet):
+        return spec.demand.vehicles, spec.demand.walkers
+    classes = [track.actor_class for track in unpack_tracks(recorded)]
+    walkers = classes.count("pedestrian")
+    return len(classes) - walkers, walkers
+
+
+def _describe_traffic(spec: Spec) -> str:
+    vehicles, walkers = _count_actors(spec)
+    recorded = spec.road.trajectories
+    if recorded is not None:
+        span = f"{recorded.from_s:g} to {recorded.to_s:g} s"
+        return f"recorded, {span}: {vehicles} vehicles, {walkers} on foot"
+    density = spec.density
+    return (
+        f"{vehicles} vehicles, {walkers} walkers: density {density.id}, {density.vehicles:g} and"
+        f" {density.walkers:g} times the road's own"
+    )
 
 
 def _load_entries(folder: Path) -> list[tuple[str, LibraryEntry[Declaration]]]:
@@ -224,9 +250,7 @@ def describe_spec(spec: Spec) -> Description:
         or "none",
         **describe_weather(spec.weather),
         "stopping": str(compute_stopping_distance(spec)),
-        "traffic": f"{spec.demand.vehicles} vehicles, {spec.demand.walkers} walkers: density "
-        f"{spec.density.id}, {spec.density.vehicles:g} and {spec.density.walkers:g} times the"
-        " road's own",
+        "traffic": _describe_traffic(spec),
         **{f"agent {agent.id}": _describe_agent(agent) for agent in spec.agents},
         "seeds": f"traffic {spec.seeds.traffic}, sensors {spec.seeds.sensors}, "
         f"weather {spec.seeds.weather}",

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree.ElementTree import Element
 from xml.parsers import expat
 
@@ -44,6 +45,9 @@ CATEGORIES: dict[str, ActorClass] = {
     "wheelchair": "pedestrian",
 }
 """Classes by `vehicleCategory` and `pedestrianCategory`."""
+SAME_PLACE_M = 0.01
+"""An entity that is put no farther from its first vertex waits there until it sets out."""
+TIME_TOLERANCE_S = 1e-6
 MAX_VERTEX_STEP_S = MAX_GAP_S / 2
 """Points are added on edges of a polyline that take longer."""
 
@@ -73,20 +77,36 @@ class _Entity:
     centre: complex
 
 
+class _Vertex(NamedTuple):
+    """Where an entity is at a time.
+
+    Attributes:
+        time_s: The time.
+        place: Its reference point, east + i north in m.
+        heading: In rad; NaN if it is not given.
+        level: How long what points ahead by 1 m is in the plan, by the pitch.
+    """
+
+    time_s: float
+    place: complex
+    heading: float
+    level: float
+
+
 @dataclass
 class _Motion:
     """What the scenario does to an entity.
 
     Attributes:
-        teleport: Place east + i north and heading in rad at the start, or None.
-        vertices: Time, place and heading (NaN if not given) of every vertex.
+        teleport: Where it is put at the start, or None.
+        vertices: Where it is led.
         added_s: Time at which it is added; None if it is there from the start.
         deleted_s: Time at which it is deleted.
         element: Its first trajectory, for messages.
     """
 
-    teleport: tuple[complex, float] | None = None
-    vertices: list[tuple[float, complex, float]] = field(default_factory=list)
+    teleport: _Vertex | None = None
+    vertices: list[_Vertex] = field(default_factory=list[_Vertex])
     added_s: float | None = None
     deleted_s: float = math.inf
     element: Element | None = None
@@ -143,7 +163,7 @@ class _ScenarioReader:
         self._note_ignored()
         self._raise_problems()
         end_s = max(
-            (time for motion in self._motions.values() for time, _, _ in motion.vertices),
+            (one.time_s for motion in self._motions.values() for one in motion.vertices),
             default=0.0,
         )
         if end_s <= 0:
@@ -236,9 +256,10 @@ class _ScenarioReader:
             for action in private.iterfind("PrivateAction/*"):
                 position = action.find("Position") if action.tag == "TeleportAction" else None
                 if position is not None:
-                    place, heading = self._read_position(position)
+                    found = self._read_position(position, 0.0)
                     if motion is not None:
-                        motion.teleport = place, 0.0 if math.isnan(heading) else heading
+                        heading = 0.0 if math.isnan(found.heading) else found.heading
+                        motion.teleport = found._replace(heading=heading)
                 elif action.find("SpeedAction") is None:
                     self._refuse_action(action)
         for action in self._root.iterfind("Storyboard/Init/Actions/GlobalAction/*"):
@@ -254,16 +275,15 @@ class _ScenarioReader:
         declared = self._root.iterfind("Entities/ScenarioObject")
         return any(self._get(item, "name") == name for item in declared)
 
-    def _read_position(self, position: Element) -> tuple[complex, float]:
-        """Read a place, east + i north, and a heading in rad, NaN if none is given."""
+    def _read_position(self, position: Element, time_s: float) -> _Vertex:
         world = position.find("WorldPosition")
         if world is None:
             kind = next(iter(position), position)
             self._refuse(kind, "is not a <WorldPosition>", "give x, y and h")
-            return 0j, math.nan
+            return _Vertex(time_s, 0j, math.nan, 1.0)
         place = complex(self._get_number(world, "x"), self._get_number(world, "y"))
         heading = self._get_number(world, "h") if world.get("h") is not None else math.nan
-        return place, heading
+        return _Vertex(time_s, place, heading, math.cos(self._get_number(world, "p", "0")))
 
     def _refuse_action(self, action: Element) -> None:
         inner = next(iter(action), action)
@@ -342,9 +362,7 @@ class _ScenarioReader:
             motion.vertices += vertices
             motion.element = motion.element if motion.element is not None else follow
 
-    def _read_trajectory(
-        self, follow: Element, start_s: float
-    ) -> list[tuple[float, complex, float]]:
+    def _read_trajectory(self, follow: Element, start_s: float) -> list[_Vertex]:
         timing = follow.find("TimeReference/Timing")
         if timing is None:
             hint = "give a <TimeReference> with <Timing>"
@@ -362,32 +380,31 @@ class _ScenarioReader:
             found = shape if shape is not None else follow
             self._refuse(found, "its shape is no <Polyline>", "sample it as vertices with times")
             return []
-        vertices: list[tuple[float, complex, float]] = []
+        vertices: list[_Vertex] = []
         for vertex in line.iterfind("Vertex"):
             position = vertex.find("Position")
             if position is None:
                 self._refuse(vertex, "has no <Position>", "")
                 continue
             time_s = begins_s + scale * self._get_number(vertex, "time")
-            vertices.append((time_s, *self._read_position(position)))
+            vertices.append(self._read_position(position, time_s))
         return vertices
 
     def _build_track(self, entity: _Entity, motion: _Motion, end_s: float) -> Track | None:
         """Build the track of an entity; None if it is nowhere, which is remarked."""
-        vertices = sorted(motion.vertices, key=lambda vertex: vertex[0])
-        if motion.teleport is not None and motion.added_s is None:
-            place, heading = motion.teleport
+        vertices = sorted(motion.vertices, key=lambda vertex: vertex.time_s)
+        begin = motion.teleport
+        if begin is not None and motion.added_s is None:
             if not vertices:
-                vertices = [(0.0, place, heading), (end_s, place, heading)]
-            elif vertices[0][0] > 0 and abs(vertices[0][1] - place) < 0.01:
-                vertices.insert(0, (0.0, place, heading))
+                vertices = [begin, begin._replace(time_s=end_s)]
+            elif vertices[0].time_s > 0 and abs(vertices[0].place - begin.place) < SAME_PLACE_M:
+                vertices.insert(0, begin)
         if len(vertices) < 2:
             self._remarks.append(f"{self._path}: '{entity.name}' is left out: it is nowhere")
             return None
-        times_s, places = _densify(vertices)
-        headings = _interpolate_headings(vertices, times_s)
-        kept = times_s <= motion.deleted_s + 1e-6
-        times_s, places, headings = times_s[kept], places[kept], headings[kept]
+        times_s = _densify_times(vertices)
+        times_s = times_s[times_s <= motion.deleted_s + TIME_TOLERANCE_S]
+        places, headings, levels = _interpolate(vertices, times_s)
         plan = np.column_stack([places.real, places.imag])
         try:
             check_samples(times_s, plan)
@@ -397,7 +414,8 @@ class _ScenarioReader:
             return None
         if np.isnan(headings).any():
             headings = derive_headings(times_s, plan)
-        centres = places + entity.centre * np.exp(1j * headings)
+        ahead, left = entity.centre.real * levels, entity.centre.imag
+        centres = places + (ahead + 1j * left) * np.exp(1j * headings)
         return Track(
             id="".join(c if c.isalnum() or c in "_.:-" else "_" for c in entity.name)[:64],
             actor_class=entity.actor_class,
@@ -408,28 +426,29 @@ class _ScenarioReader:
         )
 
 
-def _densify(
-    vertices: list[tuple[float, complex, float]],
-) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Return times and places of vertices, with points between those that are far apart in time."""
-    times_s = np.array([time for time, _, _ in vertices])
-    places = np.array([place for _, place, _ in vertices])
+def _densify_times(vertices: list[_Vertex]) -> NDArray[np.float64]:
+    """List the times of vertices, and times between those that are far apart."""
+    times_s = [vertex.time_s for vertex in vertices]
     pieces = [
         np.linspace(begin, end, max(math.ceil((end - begin) / MAX_VERTEX_STEP_S), 1) + 1)[:-1]
-        for begin, end in pairwise(times_s.tolist())
+        for begin, end in pairwise(times_s)
     ]
-    dense = np.concatenate([*pieces, times_s[-1:]])
     # Repeated times stay, so that they are found: they have no piece between them.
-    return dense, np.asarray(np.interp(dense, times_s, places), dtype=np.complex128)
+    return np.concatenate([*pieces, times_s[-1:]])
 
 
-def _interpolate_headings(
-    vertices: list[tuple[float, complex, float]], times_s: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    headings = np.array([heading for _, _, heading in vertices])
-    if np.isnan(headings).any():
-        return np.full(len(times_s), np.nan)
-    return np.interp(times_s, [time for time, _, _ in vertices], np.unwrap(headings))
+def _interpolate(
+    vertices: list[_Vertex], at_s: NDArray[np.float64]
+) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
+    """Interpolate places, headings and levels (n,) at times (n,)."""
+    times_s, places, headings, levels = (np.array(column) for column in zip(*vertices, strict=True))
+    if not np.isnan(headings).any():
+        headings = np.unwrap(headings)
+    return (
+        np.asarray(np.interp(at_s, times_s, places), dtype=np.complex128),
+        np.interp(at_s, times_s, headings),
+        np.interp(at_s, times_s, levels),
+    )
 
 
 def _list_places(raw: bytes) -> list[tuple[int, int]]:

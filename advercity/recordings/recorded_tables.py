@@ -11,6 +11,7 @@ arXiv:1910.03088). Heading is in radians, counter-clockwise; people and bicycles
 All are right-handed, x east, y north.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,6 +40,8 @@ CLASSES: Mapping[str, ActorClass] = {
     "motorcyclist": "motorcycle",
     "person": "pedestrian",
 }
+ID_PATTERN = r"[A-Za-z0-9_.:-]{1,64}"
+"""What a road may call a track, `TrackId`."""
 PEDESTRIAN_OR_BICYCLE = "pedestrian/bicycle"
 """What INTERACTION calls both."""
 MAX_WALKING_SPEED_M_S = 3.0
@@ -192,6 +195,10 @@ def _parse_sizes(table: Table, *names: str) -> NDArray[np.float64]:
 def _build_tracks(samples: _Samples) -> list[Track]:
     rows: dict[str, list[int]] = {}
     for row, name in enumerate(samples.ids):
+        if name not in rows and not re.fullmatch(ID_PATTERN, name):
+            hint = "use up to 64 letters, digits and _ . : -"
+            message = f"'{name[:70]}' is no id of a track"
+            raise samples.table.build_error(row, samples.columns[0], message, hint)
         rows.setdefault(name, []).append(row)
     return [_build_track(name, samples, np.array(own)) for name, own in rows.items()]
 

@@ -32,6 +32,7 @@ def test_a_table_becomes_specs_that_are_run_and_verified(
     ]
     assert "cav1 is 1, cav2 is 3" in ran.err
     assert advercity("validate", *specs).code == 0
+    assert "recorded, 0 to 4 s: 3 vehicles, 1 on foot" in advercity("show", specs[0]).out
     assert advercity("simulate", *specs, "--no-video", "--output", tmp_path / "sim").code == 0
     data = tmp_path / "data"
     ran = advercity(

@@ -128,8 +128,8 @@ def test_what_was_exported_is_imported_as_the_same_traffic(
         _, expected = traffic.get_track(actor.id)
         assert (other.actor_class, other.size) == (actor.actor_class, actor.size)
         apart = np.hypot(rows["x"] - expected["x"], rows["y"] - expected["y"])
-        assert apart.max() < 0.01
-        assert np.abs(rows["z"] - expected["z"]).max() < 0.01
+        assert apart.max() < 1e-5
+        assert np.abs(rows["z"] - expected["z"]).max() < 1e-3
         assert np.cos(rows["yaw"] - expected["yaw"]) == pytest.approx(1.0, abs=1e-6)
         assert rows["speed"] == pytest.approx(expected["speed"], abs=0.01)
 

@@ -99,6 +99,9 @@ def test_parquet_and_a_semicolon_between_values_make_no_difference(tmp_path: Pat
         "id,class,time_s,x_m,y_m\na,tram,0,0,0\na,tram,0.1,1,0\n": (
             "{path}:2:3: class: 'tram' is no class of road users; "
         ),
+        "id,class,time_s,x_m,y_m\ncar 7,car,0,0,0\n": (
+            "{path}:2:1: id: 'car 7' is no id of a track; use up to 64 letters"
+        ),
         TABLE + "a,car,0.1,2,0\n": "{path}:4:7: time_s: track a there are two places at 0.1 s",
         TABLE + "a,car,3,2,0\n": "{path}:4:7: time_s: track a nothing is known of the 2.9 s before",
         TABLE + "a,car,0.2,900,0\n": "{path}:4:11: x_m: track a moves 899.0 m in 0.10 s",
