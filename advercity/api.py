@@ -106,7 +106,7 @@ def run(
     specs: Spec | Iterable[Spec],
     output: PathLike = "output",
     *,
-    backend: str = "sapien",
+    backend: str = "auto",
     profile: Literal["auto", "preview", "full"] | str = "auto",
     scale: float | None = None,
     frames: slice | None = None,
@@ -130,7 +130,8 @@ def run(
     Args:
         specs: One spec or several, with different ids.
         output: Folder for the dataset; with Ray also the URL of a store.
-        backend: Rendering backend, by name.
+        backend: Rendering backend, by name; `auto` is `sapien`, and `mitsuba` for `full` where it
+            is installed and no device traces rays in hardware.
         profile: How well to render: `preview`, `full`, or `auto` for what suits the device.
         scale: Image scale in place of the profile's.
         frames: Recorded frames to make, such as `slice(0, 30)`; None is all.

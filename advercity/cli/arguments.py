@@ -14,6 +14,10 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 SpecArgument = Annotated[list[Path], typer.Argument(help="Compiled specs (*.json).")]
 DatasetArgument = Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")]
 BackendOption = Annotated[str, typer.Option(help="Rendering backend.")]
+AutoBackendOption = Annotated[
+    str,
+    typer.Option(help="Rendering backend; auto is sapien, or mitsuba for full without a GPU."),
+]
 ProfileOption = Annotated[str, typer.Option(help="auto, preview or full.")]
 ScaleOption = Annotated[
     float | None,

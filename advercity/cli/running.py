@@ -11,6 +11,7 @@ import typer
 
 from advercity.cli.arguments import (
     AllowMissingModelsOption,
+    AutoBackendOption,
     BackendOption,
     CloudColourOption,
     FramesOption,
@@ -38,7 +39,7 @@ def run(
     output: Annotated[
         str, typer.Option(help="Folder for the dataset; with Ray also a URL: s3://bucket/folder.")
     ] = "output",
-    backend: BackendOption = "sapien",
+    backend: AutoBackendOption = "auto",
     profile: ProfileOption = "auto",
     scale: ScaleOption = None,
     frames: FramesOption = None,
@@ -192,7 +193,7 @@ def estimate(
         Path,
         typer.Option(help="Folder for the dataset; its frames are done.", file_okay=False),
     ] = Path("output"),
-    backend: BackendOption = "sapien",
+    backend: AutoBackendOption = "auto",
     profile: ProfileOption = "auto",
     scale: ScaleOption = None,
     frames: FramesOption = None,
@@ -208,9 +209,12 @@ def estimate(
     from advercity.pipeline import RunOptions
     from advercity.pipeline.estimate import estimate_run
     from advercity.pipeline.executors import validate_batch
+    from advercity.pipeline.preparation import resolve_backend
 
     loaded = [read_spec(path) for path in specs]
-    options = RunOptions(output, backend, profile, scale, parse_frame_slice(frames))
+    options = resolve_backend(
+        RunOptions(output, backend, profile, scale, parse_frame_slice(frames))
+    )
     validate_batch(loaded, options)
     found = estimate_run(loaded, options, jobs=jobs)
     if as_json:
@@ -304,6 +308,52 @@ def gallery(
             report=view.on_progress,
         )
     print_data(str(output))
+
+
+@commands.command()
+def compare(
+    spec: Annotated[Path, typer.Argument(help="Compiled scenario.", dir_okay=False)],
+    output: Annotated[Path, typer.Option(help="PNG to write.", dir_okay=False)] = Path(
+        "comparison.png"
+    ),
+    backends: Annotated[
+        str, typer.Option(help="Names, separated by commas; the last is the reference.")
+    ] = "sapien,mitsuba",
+    agent: Annotated[str | None, typer.Option(help="Agent with the camera (default: ego).")] = None,
+    camera: Annotated[int, typer.Option(min=0, help="Index of the camera.")] = 0,
+    frame: Annotated[
+        int | None, typer.Option(min=0, help="Recorded frame (default: the middle one).")
+    ] = None,
+    profile: Annotated[str, typer.Option(help="preview or full.")] = "preview",
+    width: Annotated[int, typer.Option(min=64, max=1920, help="Image width in pixels.")] = 480,
+    allow_missing_models: AllowMissingModelsOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Render one camera with several backends; compare their light and what they show."""
+    from advercity.cli import tables
+    from advercity.compiler import read_spec
+    from advercity.pipeline.backend_comparison import compare_backends
+
+    found = compare_backends(
+        read_spec(spec),
+        [name.strip() for name in backends.split(",")],
+        output,
+        agent=agent,
+        camera=camera,
+        frame=frame,
+        profile=profile,
+        width_px=width,
+        allow_missing_models=allow_missing_models,
+    )
+    if as_json:
+        print_data(tables.format_json(asdict(found)))
+        return
+    print_data(tables.format_columns(found.to_rows()))
+    for name, same, actors in zip(
+        found.backends, found.semantic_agreement, found.instance_agreement, strict=False
+    ):
+        print_remark(f"{name}: same class in {same:.2%} of pixels, same actor in {actors:.2%}")
+    print_remark(f"pictures: {output}")
 
 
 @commands.command()

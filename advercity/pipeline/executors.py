@@ -3,6 +3,7 @@
 import logging
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from advercity_dsl import Spec
@@ -13,6 +14,7 @@ from advercity.errors import InputError
 from advercity.pipeline.estimate import check_resources, resolve_requested_profile
 from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources, ViewerTarget
 from advercity.pipeline.output_folder import check_output_folder
+from advercity.pipeline.preparation import AUTOMATIC_BACKEND, resolve_backend
 from advercity.pipeline.progress import RunListener, ScenarioResult, SilentListener
 from advercity.pipeline.spec_models import check_models
 from advercity.pipeline.workers import WorkerPool
@@ -89,6 +91,8 @@ def run_batch(
         RunError: Another run is writing one of the scenarios.
         BackendError: The backend is not installed, or cannot render the profile.
     """
+    # Machines of a cluster may have other devices than this one.
+    options = resolve_backend(options) if executor is None else _without_automatic(options)
     validate_batch(specs, options)
     if executor is None:  # before what takes seconds
         refuse_other_run(options.output, [spec.id for spec in specs])
@@ -108,6 +112,11 @@ def run_batch(
     )
     run = run_scenarios if executor is None else executor.run
     return run(specs, options, resources=resources, listener=listener or SilentListener())
+
+
+def _without_automatic(options: RunOptions) -> RunOptions:
+    is_automatic = options.backend == AUTOMATIC_BACKEND
+    return replace(options, backend="sapien") if is_automatic else options
 
 
 def _announce_profile(options: RunOptions) -> None:

@@ -52,7 +52,7 @@ class RunOptions:
 
     Attributes:
         output: Folder of the dataset.
-        backend: Name of the rendering backend.
+        backend: Name of the rendering backend; `auto` until `resolve_backend` has chosen.
         profile: `auto`, `preview` or `full`.
         scale: Width and height of images as a fraction of the authored ones; None is the
             profile's own.

@@ -268,6 +268,40 @@ def resolve_profile(options: RunOptions, capabilities: Capabilities) -> RenderPr
     return profile.with_scale(options.scale)
 
 
+AUTOMATIC_BACKEND = "auto"
+"""Name that stands for the backend that suits profile and machine."""
+
+
+def resolve_backend(options: RunOptions) -> RunOptions:
+    """Replace the backend `auto`: Mitsuba for `full` where only it traces rays fast, else SAPIEN.
+
+    Without a graphics card SAPIEN takes minutes for a traced image, and Mitsuba, where it is
+    installed and has a compiler, seconds.
+    """
+    if options.backend != AUTOMATIC_BACKEND:
+        return options
+    is_slow = options.profile == "full" and not _traces_in_hardware("sapien")
+    name = "mitsuba" if is_slow and _is_usable("mitsuba") else "sapien"
+    return replace(options, backend=name)
+
+
+def _traces_in_hardware(name: str) -> bool:
+    try:
+        found = load_backend(name).capabilities()
+    except (BackendError, InputError):
+        return False
+    return found.ray_traced and found.hardware
+
+
+def _is_usable(name: str) -> bool:
+    """Whether a backend is installed and finds what it needs on this machine."""
+    try:
+        load_backend(name).capabilities()
+    except (BackendError, InputError):
+        return False
+    return True
+
+
 def _describe_renderer(backend: Backend, profile: RenderProfile) -> RendererIdentity:
     """Collect whatever of backend, its sources, device and profile changes images."""
     return {

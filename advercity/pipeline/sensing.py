@@ -6,12 +6,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
-from advercity_dsl import Agent, RoadsideUnit
+from advercity_dsl import Agent, RoadsideUnit, Spec
 from numpy.typing import NDArray
 
 from advercity.assets.body_pose import build_pose_box_fitter
 from advercity.channel.transmission import Air, V2xChannel
 from advercity.dataset.image_codec import quantise_depth
+from advercity.errors import InputError
 from advercity.frames import Frame
 from advercity.geometry import poses
 from advercity.geometry.arrays import Uint8Array
@@ -101,9 +102,18 @@ class SensorRig:
         """Render the image (h, w, 3), RGB, of one camera alone in recorded frame `index`."""
         frame = self._place_frame(index)
         pose = self._poses.world_from_cameras(agent, index)[camera]
-        view = build_camera_view(agent, camera, pose, self._profile)
-        capture = self._renderer.render_camera(view)
+        capture = self._render_view(agent, camera, pose)
         return self._render_image(capture, agent, camera, pose, frame)
+
+    def capture_camera(self, agent: Agent, camera: int, index: int) -> CameraCapture:
+        """Render the light that arrives at one camera alone in recorded frame `index`."""
+        self._place_frame(index)
+        return self._render_view(
+            agent, camera, self._poses.world_from_cameras(agent, index)[camera]
+        )
+
+    def _render_view(self, agent: Agent, camera: int, pose: Matrix) -> CameraCapture:
+        return self._renderer.render_camera(build_camera_view(agent, camera, pose, self._profile))
 
     def _place_frame(self, index: int) -> Frame:
         """Place weather and actors of recorded frame `index` in the renderer."""
@@ -237,6 +247,18 @@ def build_camera_model(agent: Agent, number: int, profile: RenderProfile) -> Cam
         max(1, round(camera.width_px * profile.scale)),
         max(1, round(camera.height_px * profile.scale)),
     )
+
+
+def find_agent_with_camera(spec: Spec, name: str | None, camera: int) -> Agent:
+    """Find an agent, None for the ego; InputError if there is none, or it has no such camera."""
+    agents = {agent.id: agent for agent in spec.agents}
+    if name is not None and name not in agents:
+        raise InputError(f"{spec.id} has no agent '{name}'; it has {', '.join(agents)}")
+    agent = spec.ego if name is None else agents[name]
+    count = len(agent.sensors.cameras)
+    if not 0 <= camera < count:
+        raise InputError(f"{agent.id} has cameras 0 to {count - 1}, not {camera}")
+    return agent
 
 
 def build_camera_view(

@@ -15,7 +15,7 @@ from advercity.geometry.arrays import Uint8Array
 from advercity.media import check_image_file, draw_label_bar, write_image
 from advercity.pipeline.preparation import PreparedScenario, load_or_simulate_traffic
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
-from advercity.pipeline.sensing import open_sensors
+from advercity.pipeline.sensing import find_agent_with_camera, open_sensors
 from advercity.pipeline.spec_models import check_models, find_missing_models
 from advercity.rendering.backend import RENDER_PROFILES, load_backend
 
@@ -63,7 +63,7 @@ def write_weather_gallery(
     check_image_file(output)
     check_models(specs, allow_missing=allow_missing_models)
     renderer = load_backend(backend)
-    agents = [_find_agent(spec, agent, camera) for spec in specs]
+    agents = [find_agent_with_camera(spec, agent, camera) for spec in specs]
     columns: list[list[Uint8Array]] = []
     for spec, carrier in zip(specs, agents, strict=True):
         traffic = load_or_simulate_traffic(spec)
@@ -90,17 +90,6 @@ def write_weather_gallery(
         report(Progress(spec.id, "done", len(weathers), len(weathers)))
     height = max(sum(len(cell) for cell in column) for column in columns)
     write_image(np.hstack([_pad_column(np.vstack(column), height) for column in columns]), output)
-
-
-def _find_agent(spec: Spec, name: str | None, camera: int) -> Agent:
-    agents = {agent.id: agent for agent in spec.agents}
-    if name is not None and name not in agents:
-        raise InputError(f"{spec.id} has no agent '{name}'; it has {', '.join(agents)}")
-    agent = spec.ego if name is None else agents[name]
-    count = len(agent.sensors.cameras)
-    if not 0 <= camera < count:
-        raise InputError(f"{agent.id} has cameras 0 to {count - 1}, not {camera}")
-    return agent
 
 
 def _render_image(prepared: PreparedScenario, agent: Agent, camera: int, index: int) -> Uint8Array:

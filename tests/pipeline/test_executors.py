@@ -19,13 +19,14 @@ from advercity.dataset.partial_files import lock_file
 from advercity.dataset.scenario_folders import find_staging_folder
 from advercity.dataset.verification import verify_dataset
 from advercity.dataset.writer import FrameWriter, ScenarioWriter
-from advercity.errors import InputError, RunError
+from advercity.errors import BackendError, InputError, RunError
 from advercity.pipeline import (
     Progress,
     ResourceLimits,
     RunOptions,
     RunResources,
     ScenarioResult,
+    preparation,
     raise_failures,
     run_scenarios,
 )
@@ -36,9 +37,11 @@ from advercity.pipeline.options import (
     parse_byte_size,
     parse_duration,
 )
+from advercity.pipeline.preparation import resolve_backend
 from advercity.pipeline.progress import ignore_progress
 from advercity.pipeline.scenario import join_scenario, run_scenario
-from advercity.testing import RecordingListener
+from advercity.rendering.backend import Capabilities
+from advercity.testing import FakeBackend, RecordingListener
 from tests.builders import identify
 
 OptionsFor = Callable[[Path], RunOptions]
@@ -444,6 +447,46 @@ def test_a_run_is_refused_at_once_while_another_one_still_simulates(
         finally:
             process.terminate()
     assert not (tmp_path / "output").exists()
+
+
+@pytest.mark.parametrize(
+    ("profile", "has_gpu", "has_mitsuba", "chosen"),
+    [
+        ("full", False, True, "mitsuba"),
+        ("full", False, False, "sapien"),
+        ("full", True, True, "sapien"),
+        ("preview", False, True, "sapien"),
+        ("auto", False, True, "sapien"),
+    ],
+)
+def test_auto_traces_with_mitsuba_where_no_gpu_does(
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    *,
+    profile: str,
+    has_gpu: bool,
+    has_mitsuba: bool,
+    chosen: str,
+) -> None:
+    class Sapien(FakeBackend):
+        def capabilities(self) -> Capabilities:
+            return replace(super().capabilities(), ray_traced=True, hardware=has_gpu)
+
+    class Mitsuba(FakeBackend):
+        def capabilities(self) -> Capabilities:
+            if not has_mitsuba:
+                raise BackendError("no LLVM library")
+            return super().capabilities()
+
+    backends = {"sapien": Sapien, "mitsuba": Mitsuba}
+
+    def load(name: str) -> FakeBackend:
+        return backends[name]()
+
+    monkeypatch.setattr(preparation, "load_backend", load)
+    options = RunOptions(tmp_path, backend="auto", profile=profile)
+    assert resolve_backend(options).backend == chosen
+    assert resolve_backend(replace(options, backend="fake")).backend == "fake"
 
 
 @pytest.mark.parametrize(("profile", "said"), [("auto", 1), ("preview", 0)])

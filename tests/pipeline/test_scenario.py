@@ -30,6 +30,7 @@ from advercity.pipeline import (
     run_scenario,
 )
 from advercity.pipeline.agent_poses import AgentPoses
+from advercity.pipeline.backend_comparison import compare_backends
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.pipeline.replay import load_sensor_frames
 from advercity.pipeline.weather_gallery import write_weather_gallery
@@ -232,6 +233,19 @@ def test_a_gallery_has_a_row_per_weather_and_a_column_per_scenario(
     assert day.mean() > 2.0 * night.mean()
     with pytest.raises(InputError, match="has frames 0 to"):
         write_weather_gallery([spec], weathers, tmp_path / "sheet.png", frame=99_999)
+
+
+def test_a_backend_shows_what_it_shows_itself(spec: Spec, tmp_path: Path) -> None:
+    output = tmp_path / "comparison.png"
+    found = compare_backends(spec, ["fake", "fake"], output, frame=0, width_px=64)
+    assert found.semantic_agreement == found.instance_agreement == (1.0,)
+    assert found.classes[0].semantic == "all"
+    assert {item.ratios for item in found.classes} == {(1.0, 1.0)}
+    picture = cv2.imread(str(output))
+    assert picture is not None
+    assert picture.shape[1] == 2 * 64
+    with pytest.raises(InputError, match="name at least two"):
+        compare_backends(spec, ["fake"], output)
 
 
 def test_a_backend_that_returns_wrong_arrays_is_named_with_all_of_them(

@@ -23,7 +23,7 @@ from advercity_mitsuba.surfaces import SurfaceTable
 from advercity_mitsuba.variant import activate_variant, dr, mi
 from advercity_mitsuba.weathering import GroundMaps, build_weather_tables
 
-RASTER_SAMPLES, RASTER_PATH_DEPTH = 4, 2
+RASTER_SAMPLES, RASTER_PATH_DEPTH = 4, 3
 """Samples of a pixel, and bounces, under profiles that ask for a raster."""
 
 

@@ -24,6 +24,7 @@ from advercity.rendering.backend import (
 )
 from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.semantics import Semantic
+from advercity.testing import BackendContract
 from advercity.world import Body, StreetLamp, World
 from tests.render_builders import LUMINANCE, build_box, build_clear_air, set_matt_materials
 
@@ -173,3 +174,11 @@ def test_frames_come_in_any_order(backend: MitsubaBackend) -> None:
         assert set(np.unique(renderer.render_camera(view).instance)) == {0, 1, 2}
         renderer.place(near)
         np.testing.assert_array_equal(renderer.render_camera(view).radiance, first.radiance)
+
+
+@pytest.mark.usefixtures("backend")
+class TestContract(BackendContract):
+    """What every backend keeps."""
+
+    def make_backend(self) -> Backend:
+        return MitsubaBackend()
