@@ -21,7 +21,7 @@ from advercity.rendering.backend import RENDER_PROFILES, Backend, CameraView, Re
 from advercity.semantics import Semantic
 from advercity.sensors.camera import expose_image, meter_exposure
 from advercity.sensors.camera.optics import add_stray_light
-from advercity.traffic.paints import CONNECTED_PAINT
+from advercity.traffic.paints import CONNECTED_PAINT, draw_paint
 from advercity.traffic.weather_effects import apply_lamp_state
 from advercity.world import StreetLamp, World
 
@@ -33,7 +33,6 @@ FIELD_OF_VIEW_RAD = np.radians(30.0)
 RAISED_CAMERA_RATIO, LEVEL_CAMERA_RATIO = 0.18, 0.08
 """Height of the camera above the centre of the body, as a fraction of its distance."""
 STREET_LAMPS = tuple(StreetLamp((x, y, 8.0)) for x in (-9.0, 9.0) for y in (-7.0, 7.0))
-PEDESTRIAN_MATERIAL = "cloth_red"
 STEERING_RAD = np.radians(20.0)
 BLINKING_ACTOR_ID = 2
 """Id of an actor whose indicators are lit at time 0; the phase depends on the id."""
@@ -87,7 +86,9 @@ def _render_views(
 
 
 def _build_frame(name: str, blueprint: Blueprint) -> Frame:
-    paint = PEDESTRIAN_MATERIAL if blueprint.actor_class == "pedestrian" else CONNECTED_PAINT
+    paint = CONNECTED_PAINT
+    if blueprint.actor_class == "pedestrian":
+        paint = draw_paint(blueprint.actor_class, name)
     size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
     lamps = Lamp(0) if blueprint.actor_class == "pedestrian" else ALL_LAMPS
     actor = Actor(BLINKING_ACTOR_ID, blueprint.actor_class, name, paint, size)

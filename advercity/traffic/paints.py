@@ -30,11 +30,19 @@ _VEHICLE_PAINT_FRACTIONS = {
 its other colours are added to the nearest one here. Pearl, graphite, navy, wine and beige are parts
 of its white, grey, blue, red and brown."""
 _COAT_COLOUR_FRACTIONS = {
-    "cloth_dark": 0.45,
-    "cloth_blue": 0.22,
-    "cloth_light": 0.20,
-    "cloth_red": 0.13,
+    "cloth_dark": 0.22,
+    "cloth_black": 0.16,
+    "cloth_grey": 0.14,
+    "cloth_blue": 0.12,
+    "cloth_light": 0.10,
+    "cloth_denim": 0.06,
+    "cloth_white": 0.05,
+    "cloth_brown": 0.05,
+    "cloth_red": 0.05,
+    "cloth_green": 0.03,
+    "cloth_yellow": 0.02,
 }
+"""Engineering values: most coats and jackets in a street are dark or muted, few are bright."""
 
 
 def draw_paint(

@@ -273,6 +273,14 @@ def test_paint_depends_on_the_key_alone():
     assert len({draw_paint("car", 7, f"car_{k}") for k in range(60)}) >= 5
 
 
+def test_coats_are_of_many_colours_and_most_are_dark_or_muted() -> None:
+    drawn = Counter(draw_paint("pedestrian", "coats", k) for k in range(2000))
+    bright = sum(drawn[f"cloth_{name}"] for name in ("red", "green", "yellow", "white"))
+    assert len(drawn) >= 10
+    assert max(drawn.values()) < 0.25 * 2000
+    assert 0.1 * 2000 < bright < 0.2 * 2000
+
+
 def test_paints_have_the_frequencies_of_traffic():
     drawn = Counter(draw_paint("car", "shares", k) for k in range(2000))
     white, red = (
