@@ -1,6 +1,7 @@
 """OpenSCENARIO with OpenDRIVE: places by hand, ASAM's schemas, and the way back."""
 
 import math
+import shutil
 from pathlib import Path
 from xml.etree.ElementTree import Element, parse
 
@@ -17,7 +18,7 @@ from advercity.compiler.recorded_roads import (
 from advercity.dataset.reader import open_dataset
 from advercity.errors import InputError
 from advercity.exports.exporting import export_dataset
-from advercity.exports.openscenario import load_dataset_traffic
+from advercity.exports.openscenario import format_scenario, load_dataset_traffic
 from advercity.exports.site_opendrive import format_site
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.recordings.openscenario import read_scenario
@@ -155,11 +156,10 @@ def test_the_site_is_imported_again_with_lanes_where_they_were(
         assert shapely.distance(lines, shapely.points(points)).max() < 0.1, lane.id
 
 
+@pytest.mark.sumo
 def test_lights_change_when_they_did(specs: dict[str, Spec], tmp_path: Path) -> None:
     """See the traffic of a junction with lights: of every link, the states by time."""
     pytest.importorskip("scenariogeneration")
-    from advercity.exports.openscenario import format_scenario
-
     spec = specs["ui_clear_day_sparse"]
     traffic = load_or_simulate_traffic(spec)
     path = tmp_path / "ui.xosc"
@@ -193,8 +193,13 @@ def test_lights_change_when_they_did(specs: dict[str, Spec], tmp_path: Path) -> 
 
 
 def test_traffic_that_is_not_that_of_the_dataset_is_refused(
-    two_roads: Path, tmp_path: Path
+    recorded_dataset: Path, tmp_path: Path
 ) -> None:
     pytest.importorskip("scenariogeneration")
+    changed = shutil.copytree(recorded_dataset / NAME, tmp_path / NAME)
+    manifest = changed / "manifest.json"
+    digest = open_dataset(changed).scenarios[0].manifest.identity.trace_sha256
+    assert digest is not None
+    manifest.write_text(manifest.read_text().replace(digest, "0" * 64))
     with pytest.raises(InputError, match="simulates other traffic than the one that made"):
-        export_dataset("openscenario", two_roads, tmp_path / "out")
+        export_dataset("openscenario", changed, tmp_path / "out")
