@@ -76,13 +76,14 @@ def load_frame_truth(
     blueprint = spec.blueprints[str(spec.ego.blueprint)]
     size = np.array([blueprint.length_m, blueprint.width_m, blueprint.height_m])
     centre = poses.pose_matrix((0.0, 0.0, blueprint.height_m / 2))
+    # Of no class, whatever others annotate it as: it does not count.
     found[own] = (to_box(lidar_from_world @ ego.world_from_agent @ centre, size), "")
     numbers = list(found)
     boxes = np.array([found[number][0] for number in numbers])
     counts = np.array([points.get(number, 0) for number in numbers], np.int64)
     is_wanted = np.array([found[number][1] in classes for number in numbers])
     ids = np.array(numbers, np.int64)
-    is_counted = is_wanted & (ids != own) & (counts >= min_points) & is_within(boxes, range_m)
+    is_counted = is_wanted & (counts >= min_points) & is_within(boxes, range_m)
     return FrameTruth(boxes, ids, counts, is_counted)
 
 

@@ -118,6 +118,9 @@ def test_shadowing_has_variance_1_everywhere_and_forgets_over_its_distance(spec:
     correlation = np.corrcoef(found[:, 1], found[:, 2])[0, 1]
     assert correlation == pytest.approx(math.exp(-1), abs=4 * (1 - math.exp(-2)) / math.sqrt(400))
     assert drawn.draw_shadowing("rsu1", "cav0", 50.0) == found[0, 0]
+    # Half way between two steps of 2.5 m, interpolation alone would leave a deviation of 0.94.
+    between = [drawn.draw_shadowing(f"cav{number}", "rsu1", 1.25) for number in range(6000)]
+    assert np.std(between) == pytest.approx(1.0, abs=4 / math.sqrt(2 * 6000))
 
 
 def test_weathers_of_a_road_share_all_draws(specs: dict[str, Spec]) -> None:

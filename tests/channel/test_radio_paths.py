@@ -1,11 +1,14 @@
 """Paths on flat ground, with a building, lorries and people where a sketch has them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from advercity.channel.propagation import PathState, RadioPath
 from advercity.channel.radio_paths import Antenna, RadioPaths
 from advercity.frames import ActorState
+from advercity.geometry.poses import pose_matrix
 from advercity.semantics import Semantic
 from advercity.testing import CAR, build_box, build_flat_world, make_actor_state, make_frame
 from advercity.world import Body
@@ -70,6 +73,21 @@ def test_neither_carriers_nor_people_nor_what_is_behind_the_antennas_are_on_the_
         (0.0, 0.0, 1.4), (50.0, 0.0, 1.4), *carriers, *behind, walker, carriers=(1, 2)
     )
     assert found.state is PathState.LOS
+
+
+def test_pairs_of_different_lengths_do_not_see_what_is_behind_them() -> None:
+    """The first ends 5 m before the house, which the second passes through."""
+    paths = RadioPaths(build_flat_world(HOUSE, bodies=BODIES))
+    near, behind, far = (Antenna(np.array([x_m, 30.0, 1.6]), 0) for x_m in (0.0, 40.0, 200.0))
+    found = paths.find(make_frame(), [(near, behind), (near, far)])
+    assert [path.state for path in found] == [PathState.LOS, PathState.NLOS]
+
+
+def test_on_a_hill_heights_are_over_the_road_of_the_blocker() -> None:
+    lorry = replace(make_lorry(7, 40.0), world_from_body=pose_matrix((40.0, 0.0, 10.0)))
+    found = find_path((0.0, 0.0, 11.4), (100.0, 0.0, 12.0), lorry)
+    assert found.blocker == 7
+    assert found.antenna_heights_m == pytest.approx((1.4, 2.0))
 
 
 def test_a_path_is_the_same_from_both_ends() -> None:

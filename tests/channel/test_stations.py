@@ -111,6 +111,26 @@ def test_perceived_objects_are_the_annotated_ones_with_enough_points_in_the_stat
     assert not len(perceive_objects(ego, PerceptionMessage(min_points=1000), randomness))
 
 
+def test_errors_of_bearing_are_across_the_line_of_sight(
+    spec: Spec, sensor_frames_of: SensorFramesOf
+) -> None:
+    """At d metres, 2 deg are a deviation of 0.0349 d across and of nothing along."""
+    ego = sensor_frames_of(0)[0]
+    _, randomness = randomness_of(spec)
+    truth = perceive_objects(ego, PerceptionMessage(), randomness)
+    found = perceive_objects(ego, PerceptionMessage(bearing_noise_deg=2), randomness)
+    for place, moved, covariance in zip(
+        truth.centres[:, :2],
+        found.centres[:, :2],
+        found.position_covariances_m2,
+        strict=True,
+    ):
+        distance_m = np.linalg.norm(place)
+        assert (moved - place) @ place == pytest.approx(0.0, abs=1e-9)
+        np.testing.assert_allclose(covariance @ place, 0.0, atol=1e-9)
+        assert np.trace(covariance) == pytest.approx((math.radians(2) * distance_m) ** 2)
+
+
 def test_objects_err_as_their_covariances_say(spec: Spec, sensor_frames_of: SensorFramesOf) -> None:
     """Squared errors of 800 frames and 5 objects, over the covariances, are chi-square."""
     ego = sensor_frames_of(0)[0]
