@@ -196,7 +196,7 @@ def test_traffic_that_is_not_that_of_the_dataset_is_refused(
     recorded_dataset: Path, tmp_path: Path
 ) -> None:
     pytest.importorskip("scenariogeneration")
-    changed = shutil.copytree(recorded_dataset / NAME, tmp_path / NAME)
+    changed = shutil.copytree(recorded_dataset / NAME, tmp_path / "dataset" / NAME)
     manifest = changed / "manifest.json"
     digest = open_dataset(changed).scenarios[0].manifest.identity.trace_sha256
     assert digest is not None
