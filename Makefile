@@ -2,9 +2,9 @@
 # make test      set up what is missing, then run every check
 # make test-all  the same, with the tests marked slow
 # make coverage  run the tests under coverage; the report is in output/coverage
-# make setup     set up only
+# make setup     set up only; with MITSUBA=1 the backend that traces paths without a GPU, too
 # make lock      renew requirements.lock
-# make wheels    build both wheels and try them in an empty environment
+# make wheels    build all wheels and try them in an empty environment
 # make bench     measure every figure against a peer or a limit; some ten minutes on two cores
 
 SCENARIO := ui_fog_day_sparse
@@ -42,6 +42,7 @@ coverage: setup
 
 setup:
 	@scripts/setup
+	@$(if $(MITSUBA),scripts/setup_mitsuba)
 
 lock: setup
 	scripts/lock
