@@ -156,9 +156,16 @@ def _directive(name: str) -> str:
     return f".. autoclass:: {name}{members}"
 
 
+def _list_commands(group: Any, before: str = "") -> Iterator[tuple[str, Any]]:
+    """List all commands by name, those of groups too: `import trajectories`."""
+    for name, item in sorted(group.commands.items()):
+        yield f"{before}{name}", item
+        if hasattr(item, "commands"):
+            yield from _list_commands(item, f"{before}{name} ")
+
+
 def _commands() -> Iterator[str]:
-    command: Any = typer.main.get_command(app)
-    for name, item in sorted(command.commands.items()):
+    for name, item in _list_commands(typer.main.get_command(app)):
         context = typer.Context(item, info_name=f"advercity {name}")
         usage = item.get_usage(context).removeprefix("Usage: ")
         rows = [

@@ -8,7 +8,6 @@ import typer
 
 from advercity.cli.arguments import DatasetArgument, JsonOption
 from advercity.cli.output import print_data, print_remark
-from advercity.cli.tables import format_columns, format_json
 
 benchmark = typer.Typer(
     name="benchmark",
@@ -49,6 +48,7 @@ def evaluate(
     road, distance and number of points. docs/benchmark.md has the format of predictions.
     """
     from advercity.benchmark.evaluation import EvaluationOptions, evaluate_predictions
+    from advercity.cli.tables import format_columns, format_json
     from advercity.dataset.statistics import write_tables
 
     options = EvaluationOptions(

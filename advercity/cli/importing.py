@@ -132,10 +132,11 @@ def openscenario(
     land_use: LandUseOption = "urban",
     origin: OriginOption = (0.0, 0.0),
 ) -> None:
-    """Make scenarios of an OpenSCENARIO file whose actors follow trajectories by time.
+    """Make scenarios of an OpenSCENARIO file.
 
-    The map is the OpenDRIVE file that it names, unless --map gives another one. Maneuvers with
-    controllers, and triggers other than times, are refused by name and line.
+    Its actors must follow trajectories by time: maneuvers with controllers, and triggers other than
+    times, are refused by name and line. The map is the OpenDRIVE file that it names, unless --map
+    gives another one.
     """
     from advercity.compiler.recorded_roads import (
         ReplayChoice,
