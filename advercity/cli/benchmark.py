@@ -11,7 +11,7 @@ from advercity.cli.output import print_data, print_remark
 
 benchmark = typer.Typer(
     name="benchmark",
-    help="Detectors on datasets: average precision by weather, distance and more.",
+    help="Detectors on datasets.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -42,7 +42,7 @@ def evaluate(
     ] = 200,
     as_json: JsonOption = False,
 ) -> None:
-    """Evaluate predictions of any model against the annotations of a dataset.
+    """Evaluate predictions of any model on a dataset.
 
     Prints average precisions in percent with 95 % intervals over scenes, by weather, time, density,
     road, distance and number of points. docs/benchmark.md has the format of predictions.
