@@ -28,7 +28,7 @@ from measurement import Measurement, format_table
 NAMES = [
     *("compile", "traffic", "bodies", "lidar", "radar"),
     *("camera", "tracing", "effects", "encode", "frame"),
-    *("cores", "resume", "reader", "motion"),
+    *("cores", "resume", "reader", "motion", "export"),
 ]
 PACKAGES = [
     *("advercity", "sapien", "libsumo", "embreex", "numpy", "opencv-python-headless"),

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from advercity import __version__
-from advercity.dataset.agent_view import AgentView
+from advercity.dataset.agent_view import AgentView, Boxes
 from advercity.dataset.attribution import format_attribution
 from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.reader import Dataset, FrameView, Scenario
@@ -88,7 +88,7 @@ CONTEXT: dict[str, Any] = {
     "sc": "https://schema.org/",
 }
 LICENCE_NOTE = (
-    "advercity claims no rights in what it makes: whoever publishes the data chooses their licence."
+    "Whoever publishes the data chooses their licence."
     " Models and photographs of others that images show keep their authors' licences, below."
 )
 
@@ -132,7 +132,7 @@ def _write_rows(scenario: Scenario, files: PieceFiles, frames: Any, objects: Any
             boxes = view.boxes
             frames.writerow(_list_frame_values(frame, view, len(boxes), weather))
             for row in range(len(boxes)):
-                objects.writerow(_list_object_values(frame, view, row))
+                objects.writerow(_list_object_values(frame, view, boxes, row))
             seen |= dict(zip(boxes.ids.tolist(), boxes.classes.tolist(), strict=True))
         counts.update(seen.values())
     return counts
@@ -153,8 +153,7 @@ def _list_frame_values(
     )
 
 
-def _list_object_values(frame: FrameView, view: AgentView, row: int) -> Sequence[Any]:
-    boxes = view.boxes
+def _list_object_values(frame: FrameView, view: AgentView, boxes: Boxes, row: int) -> Sequence[Any]:
     pose = boxes.world_from_box[row]
     numbers = (
         *(*pose[:3, 3].tolist(), poses.to_yaw_pitch_roll(pose)[0], *boxes.sizes[row].tolist()),
