@@ -17,7 +17,7 @@ layout(set = 0, binding = 9) uniform sampler2D samplerPane;
 // Radiance of the surfaces that the camera sees, through air, and depth.
 layout(location = 0) out vec4 outSeen;
 // Dithered: light of lamps that air scatters towards the camera, and of surfaces that they light; and
-// what level surfaces mirror.
+// what level surfaces mirror. Last, whether lamps glow: some samples of a pattern may have nothing.
 layout(location = 1) out vec4 outGlow;
 
 #include "../shader_constants.glsl"
@@ -177,7 +177,7 @@ void main() {
   float height = sqrt(max(1.0 - dot(pane.xy, pane.xy), 0.0));
   vec3 paneNormal = vec3(pane.xy, pane.z < 0.0 ? -height : height);
   if (depth <= 0.0) {
-    outGlow = vec4(scattered, 0.0);
+    outGlow = vec4(scattered, isNight() ? 1.0 : 0.0);
     outSeen = pane.z == 0.0 ? vec4(lit.rgb, 0.0)
         : vec4(paneRadiance(lit.rgb, paneNormal, ray), abs(pane.z));
     return;
@@ -192,7 +192,7 @@ void main() {
     if (pane.z != 0.0) radiance += mirrored;
     else scattered += mirrored * transmittance(distance);
   }
-  outGlow = vec4(scattered, 0.0);
+  outGlow = vec4(scattered, isNight() ? 1.0 : 0.0);
   if (isNight()) {
     float emission = texelFetch(samplerDepthEmission, texel, 0).y;
     if (emission > 0.0) radiance += emission * texelFetch(samplerColour, texel, 0).rgb;

@@ -37,7 +37,7 @@ void main() {
     outShaded = seen;
     return;
   }
-  vec3 glow = texelFetch(samplerGlow, ivec2(gl_FragCoord.xy), 0).rgb;
-  if (glow != vec3(0.0)) glow = filterGlow(glow, seen.a);
+  vec4 own = texelFetch(samplerGlow, ivec2(gl_FragCoord.xy), 0);
+  vec3 glow = own == vec4(0.0) ? vec3(0.0) : filterGlow(own.rgb, seen.a);
   outShaded = vec4(seen.rgb + glow, seen.a);
 }
