@@ -285,7 +285,7 @@ def gallery(
     width: Annotated[int, typer.Option(min=64, max=1920, help="Image width in pixels.")] = 384,
     allow_missing_models: AllowMissingModelsOption = False,
 ) -> None:
-    """Draw one camera of scenarios under every weather into one image."""
+    """Draw one camera of scenarios in every weather into one image."""
     from advercity.cli.progress import show_progress
     from advercity.compiler import find_weather, list_weathers, read_spec
     from advercity.pipeline.weather_gallery import write_weather_gallery
@@ -329,7 +329,7 @@ def compare(
     allow_missing_models: AllowMissingModelsOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Render one camera with several backends; compare their light and what they show."""
+    """Render one camera with several backends; compare what they show."""
     from advercity.cli import tables
     from advercity.compiler import read_spec
     from advercity.pipeline.backend_comparison import compare_backends
