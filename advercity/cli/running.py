@@ -329,7 +329,7 @@ def compare(
     allow_missing_models: AllowMissingModelsOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Render one camera with several backends; compare what they show."""
+    """Render one camera with several backends and compare them."""
     from advercity.cli import tables
     from advercity.compiler import read_spec
     from advercity.pipeline.backend_comparison import compare_backends
