@@ -153,11 +153,11 @@ def _fetch_hit(scene: Scene, crossing: Crossing, origin: Any, ray: Any, active: 
     normal = dr.normalize(rotate(mixed.x, mixed.y, mixed.z))
     surface_row = triangle.w & ((1 << SEMANTIC_SHIFT) - 1)
     first, second, third = _fetch_surface(tables, surface_row, active)
-    flags = mi.UInt32(second.w)
-    painted = (flags & int(SurfaceFlag.PAINTED)) != 0
+    painted = (mi.UInt32(second.w) & int(SurfaceFlag.PAINTED)) != 0
     paint = _fetch_surface(tables, own.z, active & painted)
-    albedo = dr.select(painted, paint[0], first)
-    kind = mi.UInt32(second.y)
+    # Of a painted part the mesh has the images alone.
+    albedo, second = dr.select(painted, paint[0], first), dr.select(painted, paint[1], second)
+    kind, flags = mi.UInt32(second.y), mi.UInt32(second.w)
     # Leaves have the normal of their crown, on the side that is seen.
     back = dr.dot(dr.select(kind == int(Texture.LEAVES), normal, dr.cross(step1, step2)), ray) > 0.0
     normal = dr.select(back, -normal, normal)
@@ -172,7 +172,7 @@ def _fetch_hit(scene: Scene, crossing: Crossing, origin: Any, ray: Any, active: 
         normal=normal,
         albedo=mi.Color3f(albedo.x, albedo.y, albedo.z),
         roughness=albedo.w,
-        metallic=dr.select(painted, paint[1].x, second.x),
+        metallic=second.x,
         kind=kind,
         flags=flags,
         emission=lens,

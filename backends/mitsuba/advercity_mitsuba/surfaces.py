@@ -25,7 +25,7 @@ class SurfaceFlag(IntFlag):
     PANE = 2
     """Glass that is seen through."""
     PAINTED = 4
-    """Colour and gloss are those of the actor's paint."""
+    """All but the images is of the actor's paint."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
+from advercity.materials import ACTOR_PAINT
 from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
 from advercity.physics.extinction import AirExtinction, Extinction
 from advercity.rendering.backend import (
@@ -52,7 +53,7 @@ def build_world(static: tuple[Mesh, ...] = STATIC, lamps: tuple[StreetLamp, ...]
 
 
 def build_frame(*positions: tuple[float, float, float]) -> Frame:
-    actors = [Actor(n, "car", "car", "grey", CAR_SIZE) for n in range(1, 1 + len(positions))]
+    actors = [Actor(n, "car", "car", "plaster", CAR_SIZE) for n in range(1, 1 + len(positions))]
     states = [
         ActorState(actor, pose_matrix(at, yaw=0.4), 0.0, 0.0, Lamp(0))
         for actor, at in zip(actors, positions, strict=True)
@@ -107,6 +108,23 @@ def test_lamps_are_as_bright_as_sapiens(backend: MitsubaBackend, extinction: flo
     found = render(backend, night, world=world, frame=empty)
     expected = render(load_backend("sapien"), night, world=world, frame=empty)
     assert brightness(found).mean() == pytest.approx(brightness(expected).mean(), rel=0.03)
+
+
+def test_a_painted_body_is_of_its_paint_alone(backend: MitsubaBackend) -> None:
+    plain, painted = (
+        replace(
+            build_world(),
+            bodies={
+                "car": Body(
+                    (build_box((0, 0, 0.75), CAR_SIZE, material, Semantic.VEHICLE),), CAR_SIZE
+                )
+            },
+        )
+        for material in ("plaster", ACTOR_PAINT)
+    )
+    soaked = replace(DAY, wetness=1.0, puddle_coverage=0.5)
+    first, second = (render(backend, soaked, world=world) for world in (plain, painted))
+    np.testing.assert_array_equal(first.radiance, second.radiance)
 
 
 WEATHERS = {
