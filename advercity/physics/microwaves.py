@@ -18,8 +18,6 @@ from advercity.physics.precipitation import ParticleSizeDistribution
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 FREQUENCY_HZ = 77e9
 WAVELENGTH_M = SPEED_OF_LIGHT_M_S / FREQUENCY_HZ
-RAIN_COEFFICIENT, RAIN_EXPONENT = 1.13, 0.718
-"""Recommendation ITU-R P.838-3 at 77 GHz, horizontal polarisation: dB/km of a rate in mm/h."""
 DECIBELS_PER_NEPER = 10.0 / math.log(10.0)
 WATER_DENSITY_G_M3 = 1e6
 ICE_PERMITTIVITY = 3.18 + 0.006j
@@ -85,7 +83,9 @@ def compute_echo(sizes: ParticleSizeDistribution, rate_mm_h: float = 0.0) -> Pre
     area_m2 = np.pi / 4.0 * diameter_m**2 * per_m3
     attenuation = DECIBELS_PER_NEPER * 1e3 * float(np.trapezoid(area_m2 * extinction, melted_mm))
     if sizes.kind == "rain" and rate_mm_h:
-        attenuation = RAIN_COEFFICIENT * rate_mm_h**RAIN_EXPONENT
+        attenuation = rain_attenuation_db_km(
+            rate_mm_h, FREQUENCY_HZ / 1e9, polarisation="horizontal"
+        )
     return PrecipitationEcho(float(np.trapezoid(area_m2 * back, melted_mm)), attenuation)
 
 
