@@ -37,15 +37,22 @@ _PARTIAL_PATTERN = re.compile(r"\.partial-([0-9a-f]{8})-(\d+)-([0-9a-f]{8})-[0-9
 def open_partial_folder(folder: Path) -> Generator[Path]:
     """Yield a temporary folder in `folder`, which is created if necessary.
 
-    What killed processes of this machine left there is removed.
+    What killed processes of this machine left there is removed. After an error, so are folders that
+    were created for it and are empty.
     """
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
     remove_abandoned_partials(folder, max_age_s=math.inf)
     partial = folder / format_partial_name(_MACHINE, os.getpid(), secrets.token_hex(4))
     partial.mkdir(parents=True, mode=0o700)
     try:
         yield partial
-    finally:
+    except BaseException:
         shutil.rmtree(partial)
+        with suppress(OSError):  # one of them has something else by now
+            for path in missing:
+                path.rmdir()
+        raise
+    shutil.rmtree(partial)
 
 
 def format_partial_name(machine: str, process: int, random: str) -> str:

@@ -58,7 +58,8 @@ OPTION_PARAMETERS = (
         "output",
     ),
     *("profile", "ray_address", "rrd", "scale", "schemas", "stream", "suite", "web"),
-    *("connected", "ego", "from", "map", "name", "offset", "schemas", "to", "turn"),
+    *("connected", "ego", "from", "map", "name", "offset", "origin", "rig", "schemas", "to"),
+    *("turn", "weather"),
 )
 _QUOTED_PARAMETER = re.compile(f"`({'|'.join(OPTION_PARAMETERS)})`")
 

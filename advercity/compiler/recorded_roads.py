@@ -12,14 +12,14 @@ from typing import Any, Literal
 import numpy as np
 import shapely
 import yaml
-from advercity_dsl import Catalogue, MapNetwork, Spec
+from advercity_dsl import Catalogue, MapNetwork, Rig, Spec, Weather
 from advercity_dsl.base import ID_HINT, ID_PATTERN, suggest_name
 from advercity_dsl.suite import Looks
 from advercity_dsl.units import KM_H_PER_M_S
 
 from advercity.compiler.crossing import compile_library
-from advercity.compiler.library import load_library
-from advercity.compiler.shipped_library import find_shipped_library
+from advercity.compiler.library import Library, load_library
+from advercity.compiler.shipped_library import find_shipped_library, suggest_declaration
 from advercity.compiler.suites import CONNECTED_CLASSES
 from advercity.errors import InputError, report_write_errors
 from advercity.output_files import open_output_folder
@@ -32,6 +32,13 @@ from advercity.roads.network_file import parse_packed_network
 
 MAX_DURATION_S = 180.0
 """What is taken of a recording if its end is not given."""
+MAX_PLACE_M = 1e7
+"""Farthest place from the origin of a map, the bound of `Metres`."""
+MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 89, 180
+MIN_DURATION_S = 0.1
+"""One frame."""
+MAX_DURATION_TICKS = 1_000_000
+"""Highest `max_ticks` of a suite."""
 MAX_LANE_DISTANCE_M = 10.0
 """Mean distance of vehicles from lanes beyond which map and recording have other frames."""
 SUGGESTED_EGOS = 8
@@ -103,6 +110,8 @@ def write_recorded_road(
         InputError: Something chosen does not exist, the map does not fit, or a file in the folder
             may not be replaced.
     """
+    library = load_library(find_shipped_library())
+    _check_choice(choice, library)
     name = _find_name(recording.path, choice.name)
     site = _find_map(recording, map_file)
     tracks = [
@@ -113,12 +122,13 @@ def write_recorded_road(
         )
         for track in recording.tracks
     ]
+    _check_extent(tracks)
     ego = _find_ego(tracks, choice)
     from_s, to_s = _find_span(ego, choice)
     connected = [ego, *_find_others(tracks, ego, choice, from_s, to_s)]
     kept = cut_tracks(tracks, from_s - MARGIN_S, to_s + MARGIN_S)
     table = format_tracks(kept).encode()
-    bodies = _select_bodies(connected)
+    bodies = _select_bodies(connected, library)
     with report_write_errors(), open_output_folder(output) as folder:
         site_name = f"map{_find_map_suffix(site)}"
         shutil.copyfile(site, folder / site_name)
@@ -145,6 +155,42 @@ _NO_TRAFFIC = {
     "around_path_m": 15,
     "classes": {"car": 1, "van": 0, "truck": 0, "bicycle": 0, "motorcycle": 0},
 }
+
+
+def _check_choice(choice: ReplayChoice, library: Library) -> None:
+    """Check what does not depend on the recording."""
+    latitude_deg, longitude_deg = choice.origin_deg
+    if not (abs(latitude_deg) <= MAX_LATITUDE_DEG and abs(longitude_deg) <= MAX_LONGITUDE_DEG):
+        raise InputError(
+            f"`origin` {latitude_deg:g} {longitude_deg:g}: latitudes are -{MAX_LATITUDE_DEG} to"
+            f" {MAX_LATITUDE_DEG} degrees, longitudes -{MAX_LONGITUDE_DEG} to {MAX_LONGITUDE_DEG}"
+        )
+    east_m, north_m = choice.offset_m
+    if not (abs(east_m) <= MAX_PLACE_M and abs(north_m) <= MAX_PLACE_M):
+        raise InputError(
+            f"`offset` {east_m:g} {north_m:g}: give metres, at most {MAX_PLACE_M / 1000:,.0f} km"
+        )
+    if not abs(choice.turn_deg) <= 360:
+        raise InputError(f"`turn` {choice.turn_deg:g}: give degrees, -360 to 360")
+    _check_known("rig", choice.rig, library.get_declarations(Rig))
+    for weather in choice.weathers:
+        _check_known("weather", weather, library.get_declarations(Weather))
+
+
+def _check_known(kind: str, name: str, known: Iterable[str]) -> None:
+    if name not in known:
+        hint = suggest_declaration(kind, name, known)
+        raise InputError(f"`{kind}`: unknown {kind} '{name[:70]}'; {hint}")
+
+
+def _check_extent(tracks: Iterable[Track]) -> None:
+    """Check that tracks are where a map can be."""
+    for track in tracks:
+        if not np.abs(track.places).max() <= MAX_PLACE_M:
+            raise InputError(
+                f"track {track.id} leads farther than {MAX_PLACE_M / 1000:,.0f} km from the map's"
+                " origin; are its places metres? move the recording to the map with `offset`"
+            )
 
 
 def _find_name(path: Path, name: str | None) -> str:
@@ -218,6 +264,11 @@ def _find_span(ego: Track, choice: ReplayChoice) -> tuple[float, float]:
             f"`from` {from_s:g}, `to` {to_s:g}: the ego '{ego.id}' was recorded from {begins:g}"
             f" to {ends:g} s; stay within that"
         )
+    if not MIN_DURATION_S <= to_s - from_s <= MAX_DURATION_TICKS / 10 - 1:
+        raise InputError(
+            f"`from` {from_s:g}, `to` {to_s:g}: a scenario takes {MIN_DURATION_S:g} s to"
+            f" {MAX_DURATION_TICKS / 10 - 1:g} s"
+        )
     return round(from_s, 6), round(to_s, 6)
 
 
@@ -238,8 +289,8 @@ def _find_others(
     return others
 
 
-def _select_bodies(connected: Iterable[Track]) -> dict[str, str]:
-    catalogues = load_library(find_shipped_library()).get_declarations(Catalogue)
+def _select_bodies(connected: Iterable[Track], library: Library) -> dict[str, str]:
+    catalogues = library.get_declarations(Catalogue)
     blueprints = {
         name: item
         for name, item in catalogues["adver_city"].blueprints.items()

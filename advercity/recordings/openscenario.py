@@ -8,6 +8,7 @@ x; they are of the entity's reference point, from which the bounding box has its
 """
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -50,6 +51,10 @@ SAME_PLACE_M = 0.01
 TIME_TOLERANCE_S = 1e-6
 MAX_VERTEX_STEP_S = MAX_GAP_S / 2
 """Points are added on edges of a polyline that take longer."""
+MAX_TIME_S = 100_000.0
+"""Longest scenario: a million ticks of 0.1 s, the highest `max_ticks` of a suite."""
+MAX_SAMPLES = 10_000_000
+"""Points of all trajectories together, added ones included."""
 
 
 @dataclass(frozen=True)
@@ -139,6 +144,9 @@ class _ScenarioReader:
         self._parameters: dict[str, str] = {}
         self._problems: list[Diagnostic] = []
         self._remarks: list[str] = []
+        self._left_out: dict[str, list[int]] = {}
+        self._sample_count = 0
+        self._names: dict[str, str] = {}
         self._motions: dict[str, _Motion] = {}
 
     def read(self) -> RecordedScenario:
@@ -175,7 +183,7 @@ class _ScenarioReader:
             if (track := self._build_track(entities[name], motion, end_s)) is not None
         ]
         self._raise_problems()
-        return RecordedScenario(tracks, map_file, self._remarks)
+        return RecordedScenario(tracks, map_file, [*self._list_left_out(), *self._remarks])
 
     def _refuse(self, element: Element, message: str, hint: str) -> None:
         line, column = self._places[element]
@@ -236,6 +244,12 @@ class _ScenarioReader:
             if box is None:
                 self._refuse(body, f"'{name}' has no <BoundingBox>", "")
                 continue
+            track = _format_id(name)
+            if track in self._names:
+                message = f"'{name}' and '{self._names[track]}' are both the track '{track}'"
+                self._refuse(item, message, "rename one of them")
+                continue
+            self._names[track] = name
             yield self._read_box(name, CATEGORIES[category], box)
 
     def _read_box(self, name: str, actor_class: ActorClass, box: Element) -> _Entity:
@@ -295,9 +309,14 @@ class _ScenarioReader:
     def _remark(self, element: Element, what: str) -> None:
         line, _ = self._places[element]
         inner = next((item for item in element if item.tag.endswith("Action")), element)
-        self._remarks.append(
-            f"{self._path}:{line}: <{inner.tag}> is left out{f': {what}' if what else ''}"
-        )
+        text = f"<{inner.tag}> is left out{f': {what}' if what else ''}"
+        self._left_out.setdefault(text, []).append(line)
+
+    def _list_left_out(self) -> Iterator[str]:
+        """List what is left out; one of a kind stands for all of it."""
+        for text, lines in self._left_out.items():
+            count = f" (and {len(lines) - 1} more of them)" if len(lines) > 1 else ""
+            yield f"{self._path}:{lines[0]}: {text}{count}"
 
     def _note_ignored(self) -> None:
         for tag in ("RoadNetwork/TrafficSignals", "RoadNetwork/SceneGraphFile"):
@@ -387,8 +406,25 @@ class _ScenarioReader:
                 self._refuse(vertex, "has no <Position>", "")
                 continue
             time_s = begins_s + scale * self._get_number(vertex, "time")
+            if not self._check_time(vertex, time_s, vertices):
+                break
             vertices.append(self._read_position(position, time_s))
         return vertices
+
+    def _check_time(self, vertex: Element, time_s: float, before: list[_Vertex]) -> bool:
+        """Refuse a vertex far from the start of the scenario, or no later than the one before."""
+        if abs(time_s) > MAX_TIME_S:
+            message = f"is at {time_s:g} s; a scenario takes at most {MAX_TIME_S:,.0f} s"
+            hint = "times are in s from its start, by scale and offset of <Timing>"
+        elif before and time_s <= before[-1].time_s:
+            message = (
+                f"is at {time_s:g} s, no later than the vertex before, {before[-1].time_s:g} s"
+            )
+            hint = "order vertices by time, with a scale of <Timing> above 0"
+        else:
+            return True
+        self._refuse(vertex, message, hint)
+        return False
 
     def _build_track(self, entity: _Entity, motion: _Motion, end_s: float) -> Track | None:
         """Build the track of an entity; None if it is nowhere, which is remarked."""
@@ -402,6 +438,14 @@ class _ScenarioReader:
         if len(vertices) < 2:
             self._remarks.append(f"{self._path}: '{entity.name}' is left out: it is nowhere")
             return None
+        self._sample_count += len(vertices) + int(
+            (vertices[-1].time_s - vertices[0].time_s) / MAX_VERTEX_STEP_S
+        )
+        if self._sample_count > MAX_SAMPLES:
+            message = f"up to '{entity.name}', trajectories have more than {MAX_SAMPLES:,} points"
+            hint = f"with one every {MAX_VERTEX_STEP_S:g} s; shorten the scenario or split it"
+            self._refuse(self._root, message, hint)
+            self._raise_problems()
         times_s = _densify_times(vertices)
         times_s = times_s[times_s <= motion.deleted_s + TIME_TOLERANCE_S]
         places, headings, levels = _interpolate(vertices, times_s)
@@ -417,13 +461,18 @@ class _ScenarioReader:
         ahead, left = entity.centre.real * levels, entity.centre.imag
         centres = places + (ahead + 1j * left) * np.exp(1j * headings)
         return Track(
-            id="".join(c if c.isalnum() or c in "_.:-" else "_" for c in entity.name)[:64],
+            id=_format_id(entity.name),
             actor_class=entity.actor_class,
             size=entity.size,
             times_s=times_s,
             places=np.column_stack([centres.real, centres.imag]),
             headings_rad=np.unwrap(headings),
         )
+
+
+def _format_id(name: str) -> str:
+    """Format the name of an entity as a road may call a track, `TrackId`."""
+    return re.sub(r"[^A-Za-z0-9_.:-]", "_", name)[:64]
 
 
 def _densify_times(vertices: list[_Vertex]) -> NDArray[np.float64]:

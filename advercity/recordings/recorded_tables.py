@@ -42,6 +42,8 @@ CLASSES: Mapping[str, ActorClass] = {
 }
 ID_PATTERN = r"[A-Za-z0-9_.:-]{1,64}"
 """What a road may call a track, `TrackId`."""
+MAX_TIME_S = 1e6
+"""Latest time that a road can name, `RecordedTime`."""
 PEDESTRIAN_OR_BICYCLE = "pedestrian/bicycle"
 """What INTERACTION calls both."""
 MAX_WALKING_SPEED_M_S = 3.0
@@ -193,6 +195,12 @@ def _parse_sizes(table: Table, *names: str) -> NDArray[np.float64]:
 
 
 def _build_tracks(samples: _Samples) -> list[Track]:
+    late = np.flatnonzero(np.abs(samples.times_s) > MAX_TIME_S)
+    if len(late):
+        row = int(late[0])
+        message = f"{samples.times_s[row]:.12g} s is not within {MAX_TIME_S:,.0f} s of time 0"
+        hint = "count times from the begin of the recording, in the unit of this column"
+        raise samples.table.build_error(row, samples.columns[2], message, hint)
     rows: dict[str, list[int]] = {}
     for row, name in enumerate(samples.ids):
         if name not in rows and not re.fullmatch(ID_PATTERN, name):

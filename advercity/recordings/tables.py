@@ -3,6 +3,7 @@
 import csv
 import importlib
 import math
+import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -20,6 +21,8 @@ from advercity.errors import InputError
 MAX_TABLE_BYTES = 1_000_000_000
 MAX_ROWS = 20_000_000
 PARQUET_SUFFIXES = (".parquet", ".pq")
+_LINE_END = re.compile(r"[\r\n]")
+"""Of old Macintosh systems, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +106,17 @@ def read_head(path: Path) -> list[str]:
     """
     if path.suffix in PARQUET_SUFFIXES:
         return list(_open_parquet(path).schema_arrow.names)
-    first = read_text(path, max_bytes=MAX_TABLE_BYTES).partition("\n")[0].strip("\r")
-    return _split_head(first)
+    text = read_text(path, max_bytes=MAX_TABLE_BYTES)
+    end = _LINE_END.search(text)
+    return _split_head(path, text[: end.start()] if end else text)
 
 
-def _split_head(line: str) -> list[str]:
+def _split_head(path: Path, line: str) -> list[str]:
     separator = ";" if ";" in line and "," not in line else ","
-    return [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
+    try:
+        return [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
+    except csv.Error as error:
+        raise DiagnosticsError(Diagnostic(path, 1, 1, "", f"is not CSV: {error}")) from None
 
 
 def read_table(path: Path, required: Iterable[str], optional: Collection[str] = ()) -> Table:
@@ -160,8 +167,9 @@ def parse_csv(
     Raises:
         DiagnosticsError: It is no CSV, or lacks a column.
     """
-    lines = text.splitlines() or [""]
-    head = _split_head(lines[0])
+    # Without their ends, a quoted value on two lines would be joined to another value.
+    lines = text.splitlines(keepends=True) or [""]
+    head = _split_head(path, lines[0])
     wanted = _select_columns(path, head, required, optional)
     separator = ";" if ";" in lines[0] and "," not in lines[0] else ","
     reader = csv.reader(lines, delimiter=separator, strict=True)
@@ -170,15 +178,21 @@ def parse_csv(
     numbers: list[int] = []
     try:
         next(reader)
+        ended = reader.line_num
         for row in reader:
+            number, ended = ended + 1, reader.line_num
             if not row:
                 continue
+            message = hint = ""
             if len(row) != len(head):
                 message = f"has {len(row)} values below {len(head)} names of columns"
-                line = lines[reader.line_num - 1]
-                found = Diagnostic(path, reader.line_num, 1, "", message, "", line, len(line))
+            elif ended > number and any(len(row[at].strip().splitlines()) > 1 for at in places):
+                message, hint = "has a value with a line break", "write every value on one line"
+            if message:
+                line = lines[number - 1].rstrip()
+                found = Diagnostic(path, number, 1, "", message, hint, line, len(line))
                 raise DiagnosticsError(found)
-            numbers.append(reader.line_num)
+            numbers.append(number)
             for column, place in zip(columns, places, strict=True):
                 column.append(row[place].strip())
     except csv.Error as error:

@@ -84,6 +84,8 @@ NEAR = """<Condition name="c"><ByEntityCondition><EntityCondition>
   <TimeToCollisionCondition/></EntityCondition></ByEntityCondition></Condition>"""
 NEAR_IN_ONE = "".join(NEAR.split("\n"))
 LANE_PLACE = '<Position><LanePosition roadId="1" laneId="-1" s="0"/></Position>'
+TIMING = '<Timing domainAbsoluteRelative="absolute" scale="{}" offset="0"/>'
+LONG = format_vertex(0, 0, 0, 0) + format_vertex(100_000, 5, 0, 0)
 NURBS = "<Nurbs order='4'/>"
 
 
@@ -105,7 +107,22 @@ NURBS = "<Nurbs order='4'/>"
         ),
         _story(format_trajectory("Nobody", TWO)): "<EntityRef>: there is no entity 'Nobody'",
         _story(format_trajectory("Ego", TWO + TWO)): (
+            "<Vertex>: is at 0 s, no later than the vertex before, 1 s; order vertices by time"
+        ),
+        _story(format_trajectory("Ego", format_vertex(1, 0, 0, 0) * 2)): (
+            "<Vertex>: is at 1 s, no later than the vertex before, 1 s; order vertices by time"
+        ),
+        _story(format_trajectory("Ego", TWO), format_trajectory("Ego", TWO)): (
             "<FollowTrajectoryAction>: 'Ego': there are two places at 0 s"
+        ),
+        _story(format_trajectory("Ego", TWO.replace('"1"', '"1e12"'))): (
+            "<Vertex>: is at 1e+12 s; a scenario takes at most 100,000 s; times are in s from its"
+        ),
+        _story(format_trajectory("Ego", TWO, timing=TIMING.format("1e9"))): (
+            "<Vertex>: is at 1e+09 s; a scenario takes at most 100,000 s; times are in s from its"
+        ),
+        _story(format_trajectory("Ego", TWO, timing=TIMING.format("-1"))): (
+            "<Vertex>: is at -1 s, no later than the vertex before, 0 s; order vertices by time"
         ),
         _story(format_trajectory("Ego", TWO.replace('x="5', 'x="fast'))): (
             '<WorldPosition>: x="fast.000000" is not a number'
@@ -130,6 +147,27 @@ def test_what_would_be_another_scenario_is_refused_by_name_and_line(
     assert line[diagnostic.column - 1 :].startswith(f"<{tag}")
 
 
+def test_many_long_trajectories_take_no_more_memory_than_a_machine_has(tmp_path: Path) -> None:
+    path = write_openscenario(tmp_path, body=_story(format_trajectory("Ego", LONG)))
+    text = path.read_text()
+    before, _, rest = text.partition('<ScenarioObject name="Truck">')
+    _, _, after = rest.partition("</ScenarioObject>")
+    truck = '<ScenarioObject name="Truck">' + rest.partition("</ScenarioObject>")[0]
+    names = [f"T{number}" for number in range(60)]
+    trucks = "".join(truck.replace('"Truck"', f'"{n}"') + "</ScenarioObject>" for n in names)
+    places = "".join(format_teleport(name, 0, 0, 0) for name in names)
+    path.write_text((before + trucks + after).replace("<Actions>", f"<Actions>{places}"))
+    with pytest.raises(DiagnosticsError, match="have more than 10,000,000 points; with one every"):
+        read_scenario(path)
+
+
+def test_entities_whose_names_become_the_same_track_are_refused(tmp_path: Path) -> None:
+    path = write_openscenario(tmp_path, body=_story(format_trajectory("Ego", TWO)))
+    path.write_text(path.read_text().replace('"Other"', '"a/b"').replace('"Truck"', '"aéb"'))
+    with pytest.raises(DiagnosticsError, match="'aéb' and 'a/b' are both the track 'a_b'"):
+        read_scenario(path)
+
+
 def test_all_that_cannot_be_followed_is_listed_at_once(tmp_path: Path) -> None:
     body = _story(LANE_CHANGE, format_trajectory("Ego", TWO, timing="<None/>"))
     with pytest.raises(DiagnosticsError) as caught:
@@ -144,6 +182,16 @@ def test_what_moves_nobody_is_left_out_and_said(tmp_path: Path) -> None:
     assert [track.id for track in scenario.tracks] == ["Ego"]
     assert any("<EnvironmentAction> is left out" in remark for remark in scenario.remarks)
     assert any("'Truck' is left out: it is nowhere" in remark for remark in scenario.remarks)
+
+
+def test_what_is_left_out_many_times_is_said_once(tmp_path: Path) -> None:
+    light = "<GlobalAction><InfrastructureAction/></GlobalAction>\n"
+    init = light * 75
+    path = write_openscenario(tmp_path, body=_story(format_trajectory("Ego", TWO), init=init))
+    (remark,) = [item for item in read_scenario(path).remarks if "InfrastructureAction" in item]
+    assert remark.endswith("<InfrastructureAction> is left out (and 74 more of them)")
+    line = int(remark.removeprefix(f"{path}:").partition(":")[0])
+    assert "<InfrastructureAction/>" in path.read_text().splitlines()[line - 1]
 
 
 @pytest.mark.parametrize(

@@ -110,6 +110,12 @@ def test_parquet_and_a_semicolon_between_values_make_no_difference(tmp_path: Pat
         "a,b,c\n1,2,3\n": "{path}:1:1: has the columns of no known layout; rename them (own: id,",
         "id,class,time_s,x_m,y_m\n": "{path}: has no rows below its head",
         "": "{path}:1:1: has the columns of no known layout",
+        TABLE + 'a,car,0.2,"2\n5",0\n': "{path}:4:1: has a value with a line break; write every",
+        TABLE + '"a\nb",car,0.2,2,0\n': "{path}:4:1: has a value with a line break; write every",
+        TABLE + "a,car,1.7e9,2,0\n": (
+            "{path}:4:7: time_s: 1700000000 s is not within 1,000,000 s of time 0; count times from"
+        ),
+        "x" * 200_000 + ",b\n": "{path}:1:1: is not CSV: field larger than field limit",
         'id,class,time_s,x_m,y_m\na,"car"s,0,0,0\n': "{path}:2:1: is not CSV",
     }.items(),
 )
@@ -121,6 +127,15 @@ def test_a_row_that_cannot_be_used_is_named_by_place(
     with pytest.raises(DiagnosticsError) as caught:
         read_recording(path)
     assert str(caught.value).startswith(expected.format(path=path))
+
+
+@pytest.mark.parametrize("line_end", ["\r", "\r\n"])
+def test_lines_end_as_on_any_system(line_end: str, tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    rows = TABLE.replace("x_m", "note,x_m").replace("0,0,0", '0,"a\nb",0,0').replace("1,1", "1,,1")
+    path.write_text(rows.replace("\n", line_end), newline="")
+    (track,) = read_recording(path)
+    assert track.places.tolist() == [[0, 0], [1, 0]]
 
 
 def test_a_recording_of_ind_needs_the_files_about_it(tmp_path: Path) -> None:
