@@ -91,11 +91,22 @@ def remove_abandoned_partials(folder: Path, *, max_age_s: float = PARTIAL_MAX_AG
     return len(abandoned)
 
 
-def _is_abandoned(path: Path, max_age_s: float) -> bool:
+def is_partial_folder(path: Path) -> bool:
+    """Return whether a path is a folder that `open_partial_folder` has made, by its name."""
+    return _match_partial_folder(path) is not None
+
+
+def _match_partial_folder(path: Path) -> re.Match[str] | None:
     match = _PARTIAL_PATTERN.fullmatch(path.name)
-    if match is None or path.is_symlink():
-        return False
-    if path.name != format_partial_name(match[1], int(match[2]), match[3]):
+    if match is None or path.is_symlink() or not path.is_dir():
+        return None
+    is_ours = path.name == format_partial_name(match[1], int(match[2]), match[3])
+    return match if is_ours else None
+
+
+def _is_abandoned(path: Path, max_age_s: float) -> bool:
+    match = _match_partial_folder(path)
+    if match is None:
         return False
     if match[1] == _MACHINE and not psutil.pid_exists(int(match[2])):
         return True

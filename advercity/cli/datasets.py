@@ -62,6 +62,15 @@ def verify(
     )
 
 
+_HOW_TO_MEND = {
+    "missing": "`advercity export` writes missing files again",
+    "changed": "delete changed files, and `advercity export` writes them again;"
+    " with `--fresh` it writes all files anew, and keeps changed ones as <name>.kept",
+    "unfinished": "`advercity export` removes unfinished files",
+}
+"""What to do about files of an export, by the kind of their problem."""
+
+
 def _verify_export(folder: Path) -> None:
     from advercity.exports.export_folder import verify_export
 
@@ -69,7 +78,9 @@ def _verify_export(folder: Path) -> None:
     _print_foreign_files(problems)
     damage = [str(problem) for problem in problems if problem.is_damage]
     if damage:
-        raise RunError(*damage, f"{folder}: `advercity export` writes missing files again")
+        kinds = {problem.kind for problem in problems}
+        hints = [f"{folder}: {hint}" for kind, hint in _HOW_TO_MEND.items() if kind in kinds]
+        raise RunError(*damage, *hints)
     left = "" if manifest.complete else "; the export was cut short: run it again"
     print_remark(f"every file is as its manifest says{left}")
 

@@ -26,6 +26,7 @@ from advercity.dataset.partial_files import (
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
     check_folders_are_no_links,
+    check_is_outside_datasets,
     find_scenarios_by_name,
     find_staging_folder,
 )
@@ -230,12 +231,13 @@ def link_splits(
 
     Raises:
         InputError: Two scenarios have one name, a road belongs to no split, or to two, or `output`
-            has a `splits.json` or a link that was not made by this, or something else there;
-            nothing is changed then.
+            is in a dataset, or has a `splits.json` or a link that was not made by this, or
+            something else there; nothing is changed then.
         RunError: The links cannot be made.
     """
     split_of = _map_roads_to_splits(roads)
     folders = find_scenarios_by_name(dataset)
+    check_is_outside_datasets(output)
     found: dict[str, list[str]] = {name: [] for name in roads}
     for name, folder in folders.items():
         road = Manifest.load(folder).spec.road.id

@@ -85,6 +85,26 @@ def check_folders_are_no_links(scenario: Path, folders: Iterable[str]) -> None:
             )
 
 
+def check_is_outside_datasets(output: Path) -> None:
+    """Check that a folder to be written is no dataset, and in none, by its own path and by links.
+
+    Loaders of OPV2V take a folder in a dataset for a scenario, and one in that for an agent.
+
+    Raises:
+        InputError: It is.
+    """
+    for path in (output.absolute(), output.resolve()):
+        if _is_dataset_or_scenario(path):
+            raise InputError(f"`output` {output}: is a dataset; name a folder beside it")
+        if any(_is_dataset_or_scenario(parent) for parent in path.parents[:2]):
+            raise InputError(f"`output` {output}: is in a dataset; name a folder beside it")
+
+
+def _is_dataset_or_scenario(folder: Path) -> bool:
+    manifests = (folder / MANIFEST_FILE, *folder.glob(f"*/{MANIFEST_FILE}"))
+    return any(path.is_file() for path in manifests)
+
+
 def find_journals(scenario: Path) -> list[Path]:
     """Find the journals of frames written since the last manifest, one per process."""
     found = find_staging_folder(scenario).glob("journal_*.jsonl")

@@ -10,6 +10,7 @@ from advercity_dsl import Model
 from pydantic import ValidationError
 
 from advercity.atomic_files import (
+    is_partial_folder,
     move_file,
     open_partial_folder,
     open_without_links,
@@ -26,7 +27,7 @@ from advercity.dataset.partial_files import (
     report_disk_errors,
     set_aside,
 )
-from advercity.dataset.scenario_folders import MANIFEST_FILE
+from advercity.dataset.scenario_folders import check_is_outside_datasets
 from advercity.dataset.verification import (
     FileProblem,
     compare_with_records,
@@ -183,6 +184,8 @@ class ExportFolder:
     def _adopt(self, former: ExportManifest, entries: list[_JournalEntry]) -> None:
         """Keep what is whole and still wanted, and remove the other files of former exports."""
         pieces, records = _merge(former, entries)
+        unmoved = {path: record for entry in entries for path, record in entry.files.items()}
+        self._check_no_links({**unmoved, **records})
         journaled = {path for entry in entries for path in entry.files}
         damaged = {
             record.piece
@@ -197,13 +200,11 @@ class ExportFolder:
         self._files = {
             path: record for path, record in records.items() if record.piece in self._done
         }
-        unmoved = {path: record for entry in entries for path, record in entry.files.items()}
         obsolete = {
             path: record
             for path, record in ({**unmoved, **records}).items()
             if path not in self._files
         }
-        self._check_no_links(obsolete)
         for path in list_matching_files(self.path, obsolete, obsolete):
             (self.path / path).unlink()
         self._remove_empty_folders(obsolete)
@@ -216,15 +217,13 @@ class ExportFolder:
             return False
 
     def _remove_empty_folders(self, paths: Iterable[str]) -> None:
-        folders = {folder for path in paths for folder in Path(path).parents} - {Path()}
-        for folder in sorted(folders, reverse=True):  # what is inside comes first
+        for folder in sorted(_list_folders(paths), reverse=True):  # what is inside comes first
             with suppress(OSError):  # not empty, or gone
                 (self.path / folder).rmdir()
 
     def _check_no_links(self, paths: Iterable[str]) -> None:
         """Refuse to write or delete through a link to a folder; the export's own may be one."""
-        folders = {folder for path in paths for folder in Path(path).parents} - {Path()}
-        for folder in folders:
+        for folder in _list_folders(paths):
             if (self.path / folder).is_symlink():
                 raise RunError(
                     f"{self.path / folder}: is a link; an export is written in real folders only"
@@ -241,10 +240,12 @@ class ExportFolder:
                 "files": {path: self._files[path] for path in sorted(self._files)},
             }
         )
-        partial = self.path / STAGING_FOLDER / EXPORT_FILE
-        write_file(partial, manifest.to_json())
-        sync_files([partial])
-        move_file(partial, self.path / EXPORT_FILE)
+        # What a killed process leaves of it is known by its folder as this program's.
+        with open_partial_folder(self.path / STAGING_FOLDER) as folder:
+            partial = folder / EXPORT_FILE
+            write_file(partial, manifest.to_json())
+            sync_files([partial])
+            move_file(partial, self.path / EXPORT_FILE)
         # Only now: the journal is the record until the manifest has its pieces.
         (self.path / JOURNAL_FILE).unlink(missing_ok=True)
 
@@ -267,17 +268,31 @@ def check_export_folder(path: Path) -> None:
         raise InputError(f"`output` {path}: is a link to {path.readlink()}, which is not there")
     if path.exists() and not path.is_dir():
         raise InputError(f"`output` {path}: is a file; name a folder")
-    parent = path.absolute().parent
-    # Loaders of OPV2V would take it for a scenario, or for an agent.
-    if any(path.is_file() for path in (*parent.glob(f"*/{MANIFEST_FILE}"), parent / MANIFEST_FILE)):
-        raise InputError(f"`output` {path}: is in a dataset; name a folder beside it")
+    check_is_outside_datasets(path)
     if path.is_dir() and not is_export(path):
-        others = {item.name for item in path.iterdir()} - {STAGING_FOLDER}
-        if others:
+        own = path / STAGING_FOLDER
+        if any(
+            item != own or not _has_only_what_precedes_a_manifest(own) for item in path.iterdir()
+        ):
             raise InputError(
                 f"`output` {path}: holds files but no {EXPORT_FILE}, so not an export; delete it,"
                 " or choose another folder"
             )
+
+
+def _has_only_what_precedes_a_manifest(staging: Path) -> bool:
+    """Return whether a folder has only what a first export makes before it has a manifest."""
+    if staging.is_symlink() or not staging.is_dir():
+        return False
+    lock = staging.parent / LOCK_FILE
+    return all(
+        is_partial_folder(item) or (item == lock and _is_empty_file(item))
+        for item in staging.iterdir()
+    )
+
+
+def _is_empty_file(path: Path) -> bool:
+    return not path.is_symlink() and path.is_file() and path.stat().st_size == 0
 
 
 def is_export(path: Path) -> bool:
@@ -305,7 +320,7 @@ def verify_export(path: Path) -> tuple[list[FileProblem], ExportManifest]:
     unmoved = {name: record for entry in entries for name, record in entry.files.items()}
     found = {
         name
-        for name in list_files(path, ())
+        for name in list_files(path, map(str, _list_folders([*records, *unmoved])))
         if name != EXPORT_FILE and not name.startswith(f"{STAGING_FOLDER}/")
     }
     problems = compare_with_records(
@@ -316,6 +331,11 @@ def verify_export(path: Path) -> tuple[list[FileProblem], ExportManifest]:
         unfinished=list_matching_files(path, found - records.keys(), unmoved),
     )
     return problems, manifest
+
+
+def _list_folders(paths: Iterable[str]) -> set[Path]:
+    """List the folders within an export that files are in, and the folders of these."""
+    return {folder for path in paths for folder in Path(path).parents} - {Path()}
 
 
 def _read_journal(folder: Path) -> list[_JournalEntry]:

@@ -2,11 +2,15 @@
 
 import json
 import shutil
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from advercity_dsl import Spec
 
+from advercity.atomic_files import format_partial_name
 from advercity.cli.datasets import EXPORT_FORMAT_NAMES
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import FrameView
@@ -23,6 +27,15 @@ from tests.cli.conftest import Command
 from tests.cli.conftest import advercity as advercity  # a fixture
 
 IMAGE = "training/image_2/000004.png"
+KILLED_EXPORT = """
+import os, signal, sys
+from pathlib import Path
+from advercity.exports import export_folder
+from advercity.exports.exporting import export_dataset
+
+export_folder.move_file = lambda *paths: os.kill(os.getpid(), signal.SIGKILL)
+export_dataset("kitti", Path(sys.argv[1]), Path(sys.argv[2]))
+"""
 
 
 @pytest.fixture
@@ -149,6 +162,104 @@ def test_a_link_in_an_export_is_not_followed(dataset: Path, tmp_path: Path) -> N
     with pytest.raises(RunError, match="is a link"):
         export_dataset("kitti", dataset, output)
     assert list((tmp_path / "elsewhere").iterdir()) == []
+
+
+def test_a_linked_folder_of_an_export_is_read_and_not_written(
+    dataset: Path, tmp_path: Path
+) -> None:
+    output, elsewhere = tmp_path / "exports" / "kitti", tmp_path / "elsewhere"
+    export_dataset("kitti", dataset, output)
+    for path in ("training/velodyne", "training"):  # a link through a link, too
+        (output / path).rename(elsewhere.with_name(f"of_{Path(path).name}"))
+        (output / path).symlink_to(elsewhere.with_name(f"of_{Path(path).name}"))
+        assert verify_export(output)[0] == []
+    (output / "training/velodyne/000002.bin").write_bytes(b"x")
+    assert [one.path for one in verify_export(output)[0]] == ["training/velodyne/000002.bin"]
+    before = snapshot(tmp_path)
+    for fresh in (False, True):
+        with pytest.raises(RunError, match="is a link"):
+            export_dataset("kitti", dataset, output, fresh=fresh)
+    assert snapshot(tmp_path) == before
+
+
+def test_a_staging_folder_of_others_is_kept(dataset: Path, tmp_path: Path) -> None:
+    output = tmp_path / "exports"
+    staging = output / ".staging"
+    staging.mkdir(parents=True)
+    ours = format_partial_name("0" * 8, 1, "0" * 8)
+    for name in ("journal.jsonl", "export.json", "lock", "notes.txt", ours, f"{ours[:-1]}x"):
+        (staging / name).write_text("mine")
+        with pytest.raises(InputError, match="not an export"):
+            export_dataset("kitti", dataset, output)
+        assert snapshot(output) == {f".staging/{name}": b"mine"}
+        (staging / name).unlink()
+    (tmp_path / "mine").mkdir()
+    staging.rmdir()
+    staging.symlink_to(tmp_path / "mine")
+    with pytest.raises(InputError, match="not an export"):
+        export_dataset("kitti", dataset, output)
+
+
+def test_an_export_that_was_killed_before_its_manifest_is_continued(
+    dataset: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "exports"
+    killed = subprocess.run([sys.executable, "-c", KILLED_EXPORT, dataset, output], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    (left,) = output.rglob("export.json")
+    assert left.parent.parent == output / ".staging"
+    export_dataset("kitti", dataset, output)
+    assert verify_export(output)[0] == []
+    assert not (output / ".staging").exists()
+
+
+def test_verify_says_how_each_kind_of_damage_is_mended(
+    advercity: Command, dataset: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "exports"
+    before = snapshot(export_dataset("kitti", dataset, output).output)
+    same_size = bytes(len(before[IMAGE]))
+    (output / IMAGE).write_bytes(same_size)
+    said = advercity("verify", output).err
+    assert "delete changed files, and `advercity export` writes them again" in said
+    assert "missing" not in said
+    (output / IMAGE).unlink()
+    said = advercity("verify", output).err
+    assert "writes missing files again" in said and "changed" not in said
+    export_dataset("kitti", dataset, output)
+    assert snapshot(output) == before
+    (output / IMAGE).write_bytes(same_size)
+    export_dataset("kitti", dataset, output, fresh=True)
+    assert snapshot(output) == before | {f"{IMAGE}.kept": same_size}
+
+
+@pytest.mark.parametrize("place", ["", "kitti", "new/kitti", "ui_clear_night_dense/kitti", "link"])
+@pytest.mark.parametrize("by_link", [False, True])
+def test_nothing_is_exported_or_linked_into_a_dataset(
+    advercity: Command, dataset: Path, tmp_path: Path, place: str, by_link: bool
+) -> None:
+    (tmp_path / "outside").mkdir()
+    (dataset / "link").symlink_to(tmp_path / "outside")  # loaders follow it
+    (tmp_path / "link").symlink_to(dataset)
+    output = (tmp_path / "link" if by_link else dataset) / place
+    before = snapshot(dataset)
+    for command in (("export", "kitti"), ("split",)):
+        done = advercity(*command, dataset, "--output", output)
+        assert done.code == 2
+        assert ": is in a dataset;" in done.err or ": is a dataset;" in done.err
+    assert snapshot(dataset) == before
+    assert list((tmp_path / "outside").iterdir()) == []
+
+
+def test_a_link_to_a_place_in_a_dataset_is_refused(
+    advercity: Command, dataset: Path, tmp_path: Path
+) -> None:
+    (dataset / "kitti").mkdir()
+    (tmp_path / "link").symlink_to(dataset / "kitti")
+    for command in (("export", "kitti"), ("split",)):
+        done = advercity(*command, dataset, "--output", tmp_path / "link")
+        assert done.code == 2 and "is in a dataset" in done.err
+    assert list((dataset / "kitti").iterdir()) == []
 
 
 def refuse(advercity: Command, *arguments: str | Path) -> str:

@@ -41,7 +41,8 @@ def read_matrix(folder: Path, key: str, sample: str = "000000") -> NDArray[np.fl
 def test_a_car_ahead_to_the_left_has_the_label_that_was_computed_by_hand(
     two_roads: Path, tmp_path: Path
 ) -> None:
-    scenario = shutil.copytree(two_roads / "rcnj_fog_day_sparse", tmp_path / "rcnj_fog_day_sparse")
+    name = "rcnj_fog_day_sparse"
+    scenario = shutil.copytree(two_roads / name, tmp_path / "dataset" / name)
     stem = scenario / "+101" / "000060"
     described = yaml.safe_load(stem.with_suffix(".yaml").read_text())
     car = described["vehicles"][201]
@@ -193,7 +194,7 @@ def test_points_of_an_object_are_projected_into_its_box_in_the_image(
 
 
 def test_a_camera_with_a_lens_is_refused(two_roads: Path, tmp_path: Path) -> None:
-    scenario = shutil.copytree(two_roads / "ui_clear_night_dense", tmp_path / "lens")
+    scenario = shutil.copytree(two_roads / "ui_clear_night_dense", tmp_path / "dataset" / "lens")
     manifest = json.loads((scenario / "manifest.json").read_text())
     camera = manifest["spec"]["agents"][3]["sensors"]["camera"]
     camera["lens"] = {"model": "brown_conrady", "k1": -0.05}
