@@ -19,6 +19,8 @@ from advercity_dsl import Model
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
+from advercity.diagnostics import DiagnosticsError
+from advercity.documents import parse_json
 from advercity.errors import InputError, describe_cause
 from advercity.geometry.arrays import Float64Array
 from advercity.output_files import write_output
@@ -156,7 +158,9 @@ def _iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 def _parse(model: type[_ModelT], text: str, path: Path, number: int) -> _ModelT:
     try:
-        return model.model_validate_json(text)
+        return model.model_validate(parse_json(text, path))
+    except DiagnosticsError as error:
+        raise InputError(f"{path}:{number}: {error.diagnostics[0].message}") from error
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         where = ".".join(map(str, first["loc"]))

@@ -212,7 +212,7 @@ def _check_sun(sought: SunRequest, sun: Sun) -> str:
     line = f"{sought}: in view on {fraction:.0%} of the route"
     if fraction >= wanted.seen_share:
         return line
-    message = f"{line}, not {wanted.seen_share:.0%}"
+    message = f"{sought}: in view on {fraction:.1%} of the route, not {wanted.seen_share:.1%}"
     hint = "delete this sun, and `advercity solve` finds another"
     place = ("sun_at", sought.spec.road.id)
     raise DiagnosticsError(
