@@ -34,7 +34,7 @@ from advercity.dataset.verification import (
     list_files,
     matches_record,
 )
-from advercity.documents import MAX_JSON_BYTES, read_bytes
+from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import InputError, RunError
 from advercity.exports.export_manifest import (
     EXPORT_FILE,
@@ -340,11 +340,13 @@ def _list_folders(paths: Iterable[str]) -> set[Path]:
 
 def _read_journal(folder: Path) -> list[_JournalEntry]:
     """Read all whole lines of the journal; the last may be torn."""
+    path, raw = folder / JOURNAL_FILE, b""
+    with suppress(*NO_FILE_ERRORS):
+        raw = read_bytes(path, max_bytes=MAX_JSON_BYTES)
     entries: list[_JournalEntry] = []
-    with suppress(*NO_FILE_ERRORS, ValidationError):
-        raw = read_bytes(folder / JOURNAL_FILE, max_bytes=MAX_JSON_BYTES)
+    with suppress(InputError, ValidationError):
         for line in raw.splitlines():
-            entries.append(_JournalEntry.model_validate_json(line))
+            entries.append(_JournalEntry.model_validate(parse_json(line, path)))
     return entries
 
 

@@ -218,9 +218,9 @@ LINE = {"scenario": SCENES[0], "frame": 0, "boxes": [[9, 0, 0, 4, 2, 1.5, 0]], "
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", ":1: Invalid JSON"),
+        ("", ":1: not valid JSON"),
         ('{"format": "coco"}', ':1: format: Input should be .*the first line is {"format"'),
-        (f"{HEADER}\n{{", ":2: Invalid JSON"),
+        (f"{HEADER}\n{{", ":2: not valid JSON"),
         (f"{HEADER}\n{json.dumps(LINE | {'scores': [1.5]})}", r":2: scores\.0: .*less than or"),
         (f"{HEADER}\n{json.dumps(LINE | {'scores': []})}", ":2: 0 scores for 1 boxes"),
         (f"{HEADER}\n{json.dumps(LINE | {'boxes': [[1, 2]]})}", r":2: boxes\.0"),
