@@ -160,11 +160,11 @@ def _parse(model: type[_ModelT], text: str, path: Path, number: int) -> _ModelT:
     try:
         return model.model_validate(parse_json(text, path))
     except DiagnosticsError as error:
-        raise InputError(f"{path}:{number}: {error.diagnostics[0].message}") from error
+        what, cause = error.diagnostics[0].message, error
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         where = ".".join(map(str, first["loc"]))
-        what = f"{where}: {first['msg']}" if where else first["msg"]
-        if model is PredictionHeader:
-            what += f'; the first line is {{"format": "{FORMAT_NAME}", "version": 1}}'
-        raise InputError(f"{path}:{number}: {what}") from error
+        what, cause = f"{where}: {first['msg']}" if where else first["msg"], error
+    if model is PredictionHeader:
+        what += f'; the first line is {{"format": "{FORMAT_NAME}", "version": 1}}'
+    raise InputError(f"{path}:{number}: {what}") from cause

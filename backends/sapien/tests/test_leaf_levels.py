@@ -15,7 +15,7 @@ def crown(count: int) -> Mesh:
     """Leaves on a sphere of 3 m around the origin."""
     draw = create_generator("test crown")
     outward = normalize(draw.normal(size=(count, 3)))
-    leaves = build_leaves(3.0 * outward, outward, 0.2, draw)
+    leaves = build_leaves(3.0 * outward, draw.normal(size=outward.shape), outward, 0.2, draw)
     return leaves.to_mesh("crown", "leaves", Semantic.VEGETATION)
 
 
@@ -37,8 +37,8 @@ def test_every_size_of_a_pixel_has_one_level_and_coarser_ones_have_fewer_leaves(
     assert [len(mesh.triangles) for mesh, _ in levels] == [8000, 2000, 500]
     (first, a), (b, c), (d, last) = (pixel_m for _, pixel_m in levels)
     assert (first, a, c, last) == (0.0, b, d, np.inf)
-    # A leaf is as large as a square of 0.11 m: two pixels where one is 5.7 cm.
-    assert a == pytest.approx(0.057, rel=0.05)
+    # A leaf is as large as a square of 0.107 m: two pixels where one is 5.4 cm.
+    assert a == pytest.approx(0.0535, rel=0.05)
     assert c == pytest.approx(2.0 * a)
 
 

