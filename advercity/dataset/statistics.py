@@ -91,13 +91,18 @@ def write_tables(tables: Iterable[StatisticsTable], folder: Path) -> None:
     """
     try:
         with open_output_folder(folder) as made:
-            for table in tables:
-                with (made / f"{table.name}.csv").open("w", newline="") as stream:
-                    writer = csv.writer(stream, lineterminator="\n")
-                    writer.writerow(table.columns)
-                    writer.writerows([_format_value(value) for value in row] for row in table.rows)
+            save_tables(tables, made)
     except OSError as error:
         raise RunError(f"{folder}: cannot be written: {describe_cause(error)}") from error
+
+
+def save_tables(tables: Iterable[StatisticsTable], folder: Path) -> None:
+    """Save each table as `<name>.csv` in a folder of files that are not yet where they belong."""
+    for table in tables:
+        with (folder / f"{table.name}.csv").open("w", newline="") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(table.columns)
+            writer.writerows([_format_value(value) for value in row] for row in table.rows)
 
 
 def _format_value(value: Any) -> Any:

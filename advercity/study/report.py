@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from advercity.dataset.statistics import StatisticsTable, write_tables
+from advercity.dataset.statistics import StatisticsTable, save_tables
 from advercity.errors import InputError, RunError, describe_cause
 from advercity.geometry.arrays import Float64Array
 from advercity.output_files import open_output_folder
@@ -74,14 +74,16 @@ def write_study(
         statistics = [compute_sweep_statistics(item) for item in scanned]
         tables += [_tabulate_sweeps(statistics), _tabulate_sweep_distances(statistics)]
         figures["lidar"] = draw_histograms(statistics)
-    write_tables(tables, folder)
-    _write_figures(figures, folder)
+    _write_files(tables, figures, folder)
     return tables
 
 
-def _write_figures(figures: dict[str, "Figure"], folder: Path) -> None:
+def _write_files(
+    tables: Sequence[StatisticsTable], figures: dict[str, "Figure"], folder: Path
+) -> None:
     try:
         with open_output_folder(folder) as made:
+            save_tables(tables, made)
             for name, figure in figures.items():
                 figure.savefig(made / f"{name}.png", dpi=120, metadata={"Software": None})
     except OSError as error:

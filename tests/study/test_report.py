@@ -105,6 +105,25 @@ def test_a_study_writes_tables_and_plots(
     assert far["bright"] / far["ours"] == pytest.approx(9.0, rel=0.1)
 
 
+def test_a_study_that_may_not_write_one_file_writes_none(
+    tmp_path: Path,
+    network: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pytest.importorskip("sklearn", reason=HINT)
+    write_street(tmp_path / "dark", brightness=10)
+    write_street(tmp_path / "bright", brightness=90)
+    out = tmp_path / "study"
+    out.mkdir()
+    (out / "lidar.png").write_text("mine")
+    options = "--network", network, "--output", out
+    code, _, said = run(monkeypatch, capsys, tmp_path / "dark", tmp_path / "bright", *options)
+    assert (code, (out / "lidar.png").read_text()) == (2, "mine")
+    assert "lidar.png: exists" in said
+    assert [path.name for path in out.iterdir()] == ["lidar.png"]
+
+
 def test_what_cannot_be_studied_is_refused_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

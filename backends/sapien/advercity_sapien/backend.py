@@ -5,6 +5,7 @@ process instead of raising.
 """
 
 import ctypes
+import os
 import re
 import subprocess
 import sys
@@ -30,6 +31,8 @@ DEVICE_PATTERN = re.compile(
     r"GPU: (?P<name>.+)\n\s*Supported: (?P<supported>\d+)\n.*\n"
     r"\s*cudaId:\s*(?P<cuda>-?\d+)\n\s*rayTrace:\s*(?P<ray_trace>\d+)"
 )
+DRIVER_SETTINGS = ("GALLIVM_DEBUG", "GALLIVM_PERF", "LP_DEBUG", "LP_PERF")
+"""Variables by which developers of the driver trade precision for speed."""
 INSTALL_HINT = (
     "run `make setup`, or install mesa-vulkan-drivers 25 or newer (Debian 12: from "
     "bookworm-backports), which renders on the CPU with ray tracing"
@@ -88,6 +91,7 @@ class SapienBackend:
 
     def capabilities(self) -> Capabilities:
         """Report what SAPIEN can do on this machine; BackendError if no Vulkan device exists."""
+        _drop_driver_settings()
         device = find_vulkan_device()
         return Capabilities(
             participating_medium=True,
@@ -104,6 +108,7 @@ class SapienBackend:
         self, world: World, atmosphere: Atmosphere, profile: RenderProfile
     ) -> Generator["SapienRenderer", None, None]:
         """Load a world; BackendError if this machine cannot render with `profile`."""
+        _drop_driver_settings()
         device = find_vulkan_device()
         if profile.renderer == "ray_traced" and not device.supports_ray_tracing:
             raise BackendError(
@@ -124,6 +129,12 @@ class SapienBackend:
             yield renderer
         finally:
             renderer.close()
+
+
+def _drop_driver_settings() -> None:
+    """Drop settings of Mesa's software driver that change images, which no manifest would tell."""
+    for name in DRIVER_SETTINGS:
+        os.environ.pop(name, None)
 
 
 def _share_freed_memory() -> None:

@@ -115,3 +115,12 @@ def test_closed_renderers_and_taken_pictures_leave_no_memory_behind(profile: Ren
     while used[-1] - used[-5] > 4e6 and len(used) < 60:
         used.append(once())
     assert used[-1] - used[-5] <= 4e6
+
+
+def test_settings_of_the_software_driver_do_not_change_images(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The driver reads them when it opens a device, which this process may have done already."""
+    monkeypatch.setenv("GALLIVM_PERF", "no_filter_hacks,nopt")
+    SapienBackend().capabilities()
+    assert "GALLIVM_PERF" not in os.environ
