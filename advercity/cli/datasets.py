@@ -39,7 +39,6 @@ def verify(
     Compares files with the manifests, and manifests with the index. Files that are not part of the
     dataset are listed, and are no error. What `export` has written is checked in the same way.
     """
-    from advercity.dataset.index import DatasetIndex
     from advercity.dataset.verification import verify_dataset
     from advercity.exports.export_folder import is_export
 
@@ -56,10 +55,22 @@ def verify(
     damage = [str(problem) for problem in problems if problem.is_damage]
     if damage:
         raise RunError(*damage)
+    print_remark(f"every file is as its manifest says{_summarise_index(dataset)}")
+
+
+def _summarise_index(dataset: str) -> str:
+    """Summarise the index of a dataset, and say which scenarios it lacks."""
+    from advercity.dataset.index import DatasetIndex
+    from advercity.dataset.scenario_folders import find_scenarios
+
     index = None if "://" in dataset else DatasetIndex.load(Path(dataset))
-    print_remark(
-        f"every file is as its manifest says{f'; {index.format_summary()}' if index else ''}"
-    )
+    if index is None:
+        return ""
+    others = [
+        path.name for path in find_scenarios(Path(dataset)) if path.name not in index.scenarios
+    ]
+    more = f"; not in index.json: {', '.join(others)}" if others else ""
+    return f"; {index.format_summary()}{more}"
 
 
 _HOW_TO_MEND = {

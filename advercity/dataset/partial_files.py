@@ -162,7 +162,7 @@ def remove_unfinished_files(scenario: Path, paths: Sequence[str]) -> None:
 
 
 def set_aside(scenario: Path, paths: Iterable[str]) -> None:
-    """Rename the files at these paths, if any, since no run wrote them as they are, and say so."""
+    """Rename the files at these paths, if any, since no manifest has them as they are; say so."""
     files = [path for path in sorted(paths) if _is_file(scenario / path)]
     kept = [_rename_to_keep(scenario, path) for path in files]
     if kept:
@@ -170,7 +170,7 @@ def set_aside(scenario: Path, paths: Iterable[str]) -> None:
         more = f" and {len(kept) - MAX_LISTED_FILES} more" if len(kept) > MAX_LISTED_FILES else ""
         count = format_file_count(len(kept))
         _logger.warning(
-            "%s: %s not as a run wrote them, kept as %s%s", scenario, count, names, more
+            "%s: %s not as the manifest has them, kept as %s%s", scenario, count, names, more
         )
 
 

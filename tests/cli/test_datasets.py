@@ -8,6 +8,7 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.cli import main
+from advercity.dataset.index import IndexWriter
 from advercity.dataset.writer import ScenarioWriter
 from tests.builders import TWO_ROADS_FRAMES, identify
 
@@ -37,6 +38,21 @@ def test_commands_explain_a_scenario_without_frames(
     assert (code, out) == (2, "")
     assert err.endswith("no frames here yet; `advercity run` with its spec makes them\n")
     assert len(err.splitlines()) == 1
+
+
+def test_verify_names_the_scenarios_that_the_index_lacks(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    spec: Spec,
+) -> None:
+    with ScenarioWriter(tmp_path, spec, identify(spec), length=TWO_ROADS_FRAMES) as writer:
+        writer.finish()
+    IndexWriter(tmp_path, [spec]).record_result(spec.id, failed=False)
+    shutil.copytree(tmp_path / spec.id, tmp_path / "copy")
+    code, _, said = command(monkeypatch, capsys, "verify", tmp_path)
+    assert code == 0
+    assert said.endswith("; 1 scenario: 1 partial; not in index.json: copy\n")
 
 
 @pytest.mark.parametrize("name", ["verify", "repair", "stats", "video", "split", "sheet"])

@@ -218,7 +218,7 @@ def test_a_file_in_the_place_of_one_that_a_run_writes_is_kept_under_another_name
     kept = texts(scenario, *(f"{path}.kept" for path in precious))
     assert kept == {f"{path}.kept": text for path, text in precious.items()}
     assert not any(problem.is_damage for problem in verify_scenario(scenario))
-    assert f"{scenario}: 3 files not as a run wrote them, kept as +101/000061.pcd.kept" in (
+    assert f"{scenario}: 3 files not as the manifest has them, kept as +101/000061.pcd.kept" in (
         caplog.text
     )
 
