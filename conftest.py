@@ -9,6 +9,7 @@ import shutil
 import tempfile
 
 from advercity.assets.model_store import open_model_store
+from advercity.data_folder import find_data_folder
 
 TEST_HOME = "ADVERCITY_TEST_HOME"
 TEST_MODELS = "ADVERCITY_TEST_MODELS"
@@ -30,6 +31,8 @@ def move_home() -> bool:
     if TEST_HOME in os.environ:
         return False
     os.environ[TEST_MODELS] = str(open_model_store().folder)
+    for library in sorted((find_data_folder() / "llvm").glob("libLLVM*")):
+        os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(library))
     os.environ[TEST_HOME] = os.environ["HOME"] = tempfile.mkdtemp(prefix="advercity_tests_")
     for name in USER_VARIABLES:
         os.environ.pop(name, None)

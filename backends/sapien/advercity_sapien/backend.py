@@ -132,9 +132,13 @@ class SapienBackend:
 
 
 def _drop_driver_settings() -> None:
-    """Drop settings of Mesa's software driver that change images, which no manifest would tell."""
-    for name in DRIVER_SETTINGS:
-        os.environ.pop(name, None)
+    """Drop settings of Mesa's software driver that change images, which no manifest would tell.
+
+    Shaders may stay without optimisation: their images are the same to the bit.
+    """
+    dropped = {name: os.environ.pop(name, "") for name in DRIVER_SETTINGS}
+    if "nopt" in dropped["GALLIVM_PERF"].split(","):
+        os.environ["GALLIVM_PERF"] = "nopt"
 
 
 def _share_freed_memory() -> None:
