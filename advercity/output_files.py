@@ -1,8 +1,8 @@
 """Files and links that a command makes where its user says: plans, sheets, videos, tables, splits.
 
 Such a file replaces no other than one that the program wrote and that is unchanged since. These are
-known by their checksums, which are recorded in the user's data folder: not in the files, since a
-mark in them would outlive a user's changes, and tables have no place for one.
+known by checksums of content and place, which are recorded in the user's data folder: not in the
+files, since a mark in them would outlive a user's changes, and tables have no place for one.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ from advercity.documents import read_bytes
 from advercity.errors import InputError
 
 RECORD_FILE = "written_files"
-"""File in the data folder: a line with a SHA-256 for every content that was written."""
+"""File in the data folder: a line with a SHA-256 for every content and where it was written."""
 MAX_RECORD_BYTES = 100_000_000
 
 
@@ -51,10 +51,16 @@ def open_output_folder(folder: Path) -> Generator[Path]:
         digests = {path: _compute_digest(path) for path in sorted(partial.iterdir())}
         for path, digest in digests.items():
             check_output(folder / path.name, digest)
-        sync_files(digests)
-        _record_digests(digests.values())
-        for path in digests:
-            path.replace(folder / path.name)
+        # A file with the same content may be the user's own: it stays, and is not recorded.
+        new = {
+            path: folder / path.name
+            for path, digest in digests.items()
+            if not _has_content(folder / path.name, digest)
+        }
+        sync_files(new)
+        _record_digests(_compute_mark(place, digests[path]) for path, place in new.items())
+        for path, place in new.items():
+            path.replace(place)
 
 
 def write_output(path: Path, content: bytes) -> None:
@@ -85,7 +91,7 @@ def is_replaceable(path: Path, digest: str | None = None) -> bool:
         return not os.path.lexists(path)
     with suppress(OSError):
         found = _compute_digest(path)
-        return found == digest or found in _load_digests()
+        return found == digest or _compute_mark(path, found) in _load_digests()
     return False
 
 
@@ -124,6 +130,16 @@ def make_links(links: Mapping[Path, str]) -> None:
 
 def _compute_target_digest(target: str) -> str:
     return hashlib.sha256(b"link to " + os.fsencode(target)).hexdigest()
+
+
+def _has_content(path: Path, digest: str) -> bool:
+    return not path.is_symlink() and path.is_file() and _compute_digest(path) == digest
+
+
+def _compute_mark(path: Path, digest: str) -> str:
+    """Compute the checksum of content at a place: the same may be elsewhere, and not be ours."""
+    place = os.fsencode(path.parent.resolve() / path.name)
+    return hashlib.sha256(f"{digest} at ".encode() + place).hexdigest()
 
 
 def _compute_digest(path: Path) -> str:

@@ -26,13 +26,15 @@ def test_an_earlier_output_is_replaced_until_it_is_changed(tmp_path: Path) -> No
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_a_file_that_was_renamed_is_still_known_in_another_process(tmp_path: Path) -> None:
+def test_a_file_is_known_in_another_process_until_it_is_renamed(tmp_path: Path) -> None:
     write_output(tmp_path / "a", b"first")
-    (tmp_path / "a").rename(tmp_path / "b")
     code = "from pathlib import Path; from advercity.output_files import write_output as write\n"
-    code += f"write(Path({str(tmp_path / 'b')!r}), b'second')"
+    code += f"write(Path({str(tmp_path / 'a')!r}), b'second')"
     subprocess.run([sys.executable, "-c", code], check=True)
-    assert (tmp_path / "b").read_bytes() == b"second"
+    assert (tmp_path / "a").read_bytes() == b"second"
+    (tmp_path / "a").rename(tmp_path / "b")
+    with pytest.raises(InputError, match="no record that advercity wrote it"):
+        write_output(tmp_path / "b", b"third")
 
 
 def test_equal_content_is_no_loss(tmp_path: Path) -> None:
@@ -105,3 +107,18 @@ def test_what_a_killed_process_left_is_removed_by_the_next(tmp_path: Path) -> No
     (left,) = tmp_path.iterdir()
     write_output(tmp_path / "b", b"")
     assert not left.exists()
+
+
+def test_a_file_of_the_user_with_the_same_content_as_an_output_is_not_replaced(
+    tmp_path: Path,
+) -> None:
+    mine = tmp_path / "mine" / "map.xodr"
+    mine.parent.mkdir()
+    mine.write_bytes(b"a map")
+    write_output(tmp_path / "map.xodr", b"a map")
+    with pytest.raises(InputError, match="no record that advercity wrote it"):
+        write_output(mine, b"another map")
+    write_output(mine, b"a map")
+    with pytest.raises(InputError, match="no record that advercity wrote it"):
+        write_output(mine, b"another map")
+    assert mine.read_bytes() == b"a map"
