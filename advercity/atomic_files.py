@@ -66,10 +66,15 @@ def format_partial_name(machine: str, process: int, random: str) -> str:
 
 @contextmanager
 def open_partial_path(path: Path) -> Generator[Path]:
-    """Yield a path of the same name in a temporary folder; at the end that file becomes `path`."""
+    """Yield a path of the same name in a temporary folder; at the end that file becomes `path`.
+
+    A file that is replaced leaves it its permissions.
+    """
     with open_partial_folder(path.parent) as folder:
         partial = folder / path.name
         yield partial
+        with suppress(FileNotFoundError):
+            shutil.copymode(path, partial)
         sync_files([partial])
         partial.replace(path)
 

@@ -75,3 +75,12 @@ def test_a_cause_is_never_none(tmp_path: Path) -> None:
     assert describe_cause(OSError(28, "No space left on device")) == "No space left on device"
     with pytest.raises(InputError, match="the output: cannot be written: x"), report_write_errors():
         raise OSError("x")
+
+
+def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path: Path) -> None:
+    path = tmp_path / "weather.yaml"
+    path.write_bytes(b"mine")
+    path.chmod(0o600)
+    write_atomically(path, b"more")
+    assert path.read_bytes() == b"more"
+    assert path.stat().st_mode & 0o777 == 0o600

@@ -27,7 +27,7 @@ from advercity.errors import RunError, describe_cause
 
 CODE_PACKAGES = ("advercity", "advercity_dsl")
 """Packages whose sources make the data, whichever backend renders them."""
-REMEDY = "it alone tells what runs have written: delete the folder, or choose another `output`"
+REMEDY = "it alone says what runs have written: delete the folder, or choose another `output`"
 RendererIdentity = dict[str, str | int | float | bool]
 FIELD_LABELS = {
     "code_sha256": "code of advercity",

@@ -156,7 +156,7 @@ def draw_histograms(statistics: Sequence[SweepStatistics]) -> "Figure":
     for axes, (name, edges, label) in zip(figure.subplots(1, 3), HISTOGRAMS, strict=True):
         for item in statistics:
             axes.stairs(getattr(item, name), edges, baseline=None, label=item.name)
-        axes.set(xlabel=label, ylabel="share of echoes")
+        axes.set(xlabel=label, ylabel="fraction of echoes")
         axes.legend(frameon=False)
     return figure
 

@@ -33,8 +33,8 @@ class SweepStatistics:
         far_range_m: Range that 5 % of the echoes are beyond.
         mean_intensity: Mean intensity.
         lonely_ratio: Echoes with hardly any neighbours, as of flakes and ghosts, among all.
-        ranges, intensities, elevations: Shares of the echoes in the bins of this module; what lies
-            outside of the bins is in the outermost.
+        ranges, intensities, elevations: Fractions of the echoes in the bins of this module; what
+            lies outside of the bins is in the outermost.
     """
 
     name: str
@@ -79,9 +79,9 @@ def compute_sweep_statistics(recording: Recording) -> SweepStatistics:
         float(np.quantile(range_m, 0.95)),
         float(intensity.mean()),
         lonely / len(range_m),
-        _compute_shares(range_m, RANGE_EDGES_M),
-        _compute_shares(intensity, INTENSITY_EDGES),
-        _compute_shares(np.concatenate(elevations), ELEVATION_EDGES_DEG),
+        _compute_fractions(range_m, RANGE_EDGES_M),
+        _compute_fractions(intensity, INTENSITY_EDGES),
+        _compute_fractions(np.concatenate(elevations), ELEVATION_EDGES_DEG),
     )
 
 
@@ -113,13 +113,13 @@ def compute_jensen_shannon_distance(one: Float64Array, other: Float64Array) -> f
     """
     middle = (one + other) / 2.0
 
-    def divergence(share: Float64Array) -> float:
-        filled = share > 0.0
-        return float((share[filled] * np.log2(share[filled] / middle[filled])).sum())
+    def divergence(fraction: Float64Array) -> float:
+        filled = fraction > 0.0
+        return float((fraction[filled] * np.log2(fraction[filled] / middle[filled])).sum())
 
     return float(np.sqrt(max(0.0, (divergence(one) + divergence(other)) / 2.0)))
 
 
-def _compute_shares(values: Float32Array, edges: Float64Array) -> Float64Array:
+def _compute_fractions(values: Float32Array, edges: Float64Array) -> Float64Array:
     counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
     return counts / len(values)

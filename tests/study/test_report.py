@@ -74,20 +74,26 @@ def test_features_are_the_output_of_the_network_of_a_file(network: Path) -> None
     np.testing.assert_allclose(load_network(str(network))(picture), [expected], rtol=1e-3)
 
 
+@pytest.fixture
+def streets(tmp_path: Path) -> tuple[Path, Path]:
+    """A dark and a bright recording, where what a study needs is installed."""
+    pytest.importorskip("sklearn", reason=HINT)
+    dark, bright = tmp_path / "dark", tmp_path / "bright"
+    write_street(dark, brightness=10)
+    write_street(bright, brightness=90)
+    return dark, bright
+
+
 def test_a_study_writes_tables_and_plots(
     tmp_path: Path,
+    streets: tuple[Path, Path],
     network: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    pytest.importorskip("sklearn", reason=HINT)
-    write_street(tmp_path / "dark", brightness=10)
-    write_street(tmp_path / "bright", brightness=90)
     out = tmp_path / "study"
     options = "--network", network, "--output", out
-    code, printed, said = run(
-        monkeypatch, capsys, f"ours={tmp_path / 'dark'}", tmp_path / "bright", *options
-    )
+    code, printed, said = run(monkeypatch, capsys, f"ours={streets[0]}", streets[1], *options)
     assert (code, printed) == (0, f"{out}\n")
     assert "ours: kitti, 8 pictures, 8 sweeps" in said
     assert sorted(path.name for path in out.iterdir()) == [
@@ -107,18 +113,16 @@ def test_a_study_writes_tables_and_plots(
 
 def test_a_study_that_may_not_write_one_file_writes_none(
     tmp_path: Path,
+    streets: tuple[Path, Path],
     network: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    pytest.importorskip("sklearn", reason=HINT)
-    write_street(tmp_path / "dark", brightness=10)
-    write_street(tmp_path / "bright", brightness=90)
     out = tmp_path / "study"
     out.mkdir()
     (out / "lidar.png").write_text("mine")
     options = "--network", network, "--output", out
-    code, _, said = run(monkeypatch, capsys, tmp_path / "dark", tmp_path / "bright", *options)
+    code, _, said = run(monkeypatch, capsys, *streets, *options)
     assert (code, (out / "lidar.png").read_text()) == (2, "mine")
     assert "lidar.png: exists" in said
     assert [path.name for path in out.iterdir()] == ["lidar.png"]

@@ -32,8 +32,8 @@ def test_sweeps_are_counted_as_by_hand() -> None:
     assert (found.sweeps, found.echoes) == (2, 2.0)  # the echo at 1 m is of the vehicle itself
     assert found.median_range_m == 25.0
     assert found.mean_intensity == pytest.approx(0.3)
-    shares = dict(zip(RANGE_EDGES_M[:-1], found.ranges, strict=True))
-    assert {edge: share for edge, share in shares.items() if share} == {
+    fractions = dict(zip(RANGE_EDGES_M[:-1], found.ranges, strict=True))
+    assert {edge: fraction for edge, fraction in fractions.items() if fraction} == {
         10.0: 0.25,
         20.0: 0.25,
         30.0: 0.25,

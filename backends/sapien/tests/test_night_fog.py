@@ -19,7 +19,7 @@ REFERENCE = {
     "adjacent air, 20 m": 0.312,
     "card, 40 m": 0.397,
     "adjacent air, 40 m": 0.239,
-    "own beams, 4 to 6 degrees up": 0.109,
+    "own beams, 4 to 6 degrees up": 0.113,
     "own beams, 4 degrees down": 0.475,
     "oncoming, 5 degrees off": 1.22,
     "crossing, in front": 0.0614,
@@ -34,7 +34,7 @@ SCENES = {scene.name: scene for scene in list_scenes()}
 def test_what_is_seen_in_fog_by_night_is_as_bright_as_the_reference(name: str) -> None:
     """The reference has an error of 3 %."""
     found = render_patch(SCENES[name], MOR_M, "raster", width_px=160, samples=1)
-    assert found == pytest.approx(REFERENCE[name], rel=0.2)
+    assert found == pytest.approx(REFERENCE[name], rel=0.2 if SCENES[name].street else 0.15)
 
 
 @pytest.mark.parametrize("name", ["card, 20 m", "adjacent air, 20 m", "crossing, in front"])
