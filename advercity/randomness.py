@@ -75,3 +75,13 @@ def sample_gauss_markov(
     for row in range(1, len(states)):
         states[row] = correlation * states[row - 1] + steps[first + row]
     return states
+
+
+def sample_random_walk(
+    rng: np.random.Generator, first: int, last: int, *, axes: int
+) -> Float64Array:
+    """Sample random walks (last - first + 1, axes) of unit steps from 0, from step `first` on.
+
+    As those of `sample_gauss_markov`, segments of generators in their initial state agree.
+    """
+    return np.cumsum(rng.standard_normal((last + 1, axes)), axis=0)[first:]

@@ -26,7 +26,7 @@ from advercity.dataset.carla_frame import (
     mirror_points,
 )
 from advercity.dataset.cloud_files import read_pcd
-from advercity.dataset.formats import DatasetFormat
+from advercity.dataset.formats import DatasetFormat, has_motion_file
 from advercity.dataset.image_codec import (
     from_instance_colours,
     from_normal_colours,
@@ -301,7 +301,7 @@ class AgentView:
     @property
     def motion(self) -> tuple[GnssFix | None, ImuSample | None]:
         """What receiver and inertial unit reported, where the agent has them; read at every use."""
-        if self._format.motion_suffix not in self._format.list_suffixes(self.agent):
+        if not has_motion_file(self.agent):
             return None, None
         path = self.path(self._format.motion_suffix)
         with report_read_errors(path):

@@ -80,10 +80,14 @@ class DatasetFormat:
         radars = set(map(self.format_radar_suffix, range(len(sensors.radars))))
         if sensors.radar is not None and sensors.radar.output == "cube":
             radars |= set(map(self.format_cube_suffix, range(len(sensors.radars))))
-        has_motion = agent.place.kind == "vehicle" or sensors.imu is not None
-        motion = (self.motion_suffix,) if has_motion else ()
+        motion = (self.motion_suffix,) if has_motion_file(agent) else ()
         sent = (self.messages_suffix,) if has_channel else ()
         return frozenset((".yaml", *clouds, *radars, *images, *motion, *sent, *self.extra_suffixes))
+
+
+def has_motion_file(agent: Agent) -> bool:
+    """Return whether an agent has a file of what GNSS and IMU report, in every frame."""
+    return agent.place.kind == "vehicle" or agent.sensors.imu is not None
 
 
 def format_opv2v_folder(agent: Agent) -> str:

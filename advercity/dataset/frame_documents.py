@@ -253,12 +253,11 @@ def _describe_gnss(fix: GnssFix) -> dict[str, Any]:
 
 def _describe_imu(sample: ImuSample) -> dict[str, Any]:
     """Describe a sample; `earlier` has those since the last frame, of a unit with a higher rate."""
-    earlier = [
-        {"time_offset": to_plain(one.time_s), **_describe_imu(one)} for one in sample.earlier
-    ]
+    earlier = [_describe_imu(one) for one in sample.earlier]
     acceleration = to_plain(mirror_points(sample.specific_force))
     rate = to_plain(mirror_angular_rate(sample.angular_rate))
     return {
+        **({"time_offset": to_plain(sample.time_s)} if sample.time_s else {}),
         **({"earlier": earlier} if earlier else {}),
         "accelerometer": dict(zip("xyz", acceleration, strict=True)),
         "gyroscope": dict(zip("xyz", rate, strict=True)),

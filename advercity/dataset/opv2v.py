@@ -20,7 +20,7 @@ from advercity.dataset import cloud_files, radar_files
 from advercity.dataset.bird_view import draw_bird_views
 from advercity.dataset.carla_frame import mirror_points
 from advercity.dataset.cloud_files import CloudEncoding
-from advercity.dataset.formats import ADVER_CITY, OPV2V, DatasetFormat
+from advercity.dataset.formats import ADVER_CITY, OPV2V, DatasetFormat, has_motion_file
 from advercity.dataset.frame_documents import (
     build_frame_description,
     build_motion_document,
@@ -104,7 +104,7 @@ def encode_opv2v_frame(
         files |= _encode_radars(OPV2V, stem, item, clouds)
         files |= _encode_messages(OPV2V, stem, item)
         files[f"{stem}_objects.json"] = format_json(build_object_extras(item, annotated))
-        if _has_motion(item):
+        if has_motion_file(item.agent):
             files[f"{stem}{OPV2V.motion_suffix}"] = format_yaml(build_motion_document(item))
     for stem, item, annotated in zip(stems, ordered, annotations, strict=True):
         files[f"{stem}.yaml"] = format_yaml(build_frame_description(item, annotated))
@@ -133,7 +133,7 @@ def encode_adver_city_frame(
             )
         files |= _encode_radars(ADVER_CITY, stem, item, "binary_compressed")
         files |= _encode_messages(ADVER_CITY, stem, item)
-        if _has_motion(item):
+        if has_motion_file(item.agent):
             jobs[f"{stem}{ADVER_CITY.motion_suffix}"] = partial(_encode_motion, item)
         jobs[f"{stem}.yaml"] = partial(_encode_description, item)
     return files | _run_concurrently(jobs)
@@ -178,10 +178,6 @@ def _encode_messages(layout: DatasetFormat, stem: str, item: SensorFrame) -> dic
 
 def _format_stem(layout: DatasetFormat, item: SensorFrame, name: str) -> str:
     return f"{layout.format_folder(item.agent)}/{name}"
-
-
-def _has_motion(item: SensorFrame) -> bool:
-    return item.gnss is not None or item.imu is not None
 
 
 def _encode_semantic(semantic: Uint8Array) -> bytes:

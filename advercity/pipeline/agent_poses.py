@@ -27,7 +27,7 @@ from advercity.randomness import create_generator, sample_gauss_markov
 from advercity.roads.road_network import build_road
 from advercity.scene.parking import place_parked_cars
 from advercity.sensors.gnss import measure_gnss
-from advercity.sensors.imu import measure_imu
+from advercity.sensors.imu import ImuConditions, measure_imu
 from advercity.sensors.measurements import GnssFix, ImuSample
 from advercity.sensors.radar import PlacedRadar
 from advercity.sensors.sensor_frame import CameraImage, LidarScan, RadarScan, SensorFrame
@@ -97,7 +97,7 @@ class AgentPoses:
             radar_scans=radar_scans,
             min_points=min_points,
             gnss=None if is_unit else gnss,
-            imu=self._measure_imu(agent, frame.index),
+            imu=self._measure_imu(agent, frame),
             planned_trajectory=() if is_unit else self._load_planned_path(agent, frame.index),
             conflict_roles=self._roles,
             weather=(self.timeline.weather_at(frame.index) if self.timeline.is_changing else None),
@@ -205,6 +205,11 @@ class AgentPoses:
             return AT_REST
         return frame.get_state(agent.number).motion
 
+    def _travelled_m(self, agent: Agent, index: int) -> float:
+        if isinstance(agent.place, RoadsideUnit):
+            return 0.0
+        return self._traced(index).get_state(agent.number).travelled_m
+
     def _load_planned_path(
         self, agent: Agent, index: int
     ) -> tuple[tuple[float, float, float], ...]:
@@ -212,9 +217,7 @@ class AgentPoses:
         return tuple((x, y, speed) for x, y, speed in points)
 
     def _measure_gnss(self, agent: Agent, world_from_agent: Matrix, frame: Frame) -> GnssFix:
-        gnss, seeds, index = agent.sensors.gnss, self.spec.seeds, frame.index
-        # No weather in the key: the same drive has the same fixes under every weather.
-        key = (seeds.sensors, seeds.traffic, self.spec.road.id, agent.id)
+        gnss, index, key = agent.sensors.gnss, frame.index, self._build_drive_key(agent)
         slow = sample_gauss_markov(
             create_generator(*key, "gnss wander"),
             index,
@@ -238,9 +241,9 @@ class AgentPoses:
         estimate[:3, 3] = enu_from_geodetic(place, self._origin)
         return estimate
 
-    def _measure_imu(self, agent: Agent, index: int) -> ImuSample | None:
+    def _measure_imu(self, agent: Agent, frame: Frame) -> ImuSample | None:
         """Measure the IMU, if the agent has one; until the first frame nothing has changed."""
-        imu = agent.sensors.imu
+        imu, index = agent.sensors.imu, frame.index
         if imu is None:
             return None
         before = max(index - 1, 0)
@@ -252,9 +255,19 @@ class AgentPoses:
                 self._find_motion(agent, self._traced(index)),
             ),
             self._trace.tick_s,
-            key=(self.spec.seeds.sensors, self.spec.id, agent.id),
+            key=self._build_drive_key(agent),
             frame=index,
+            conditions=ImuConditions(
+                air_c=self.timeline.weather_at(index).temperature_c,
+                running_s=frame.time_s,
+                travelled_m=(self._travelled_m(agent, before), self._travelled_m(agent, index)),
+            ),
         )
+
+    def _build_drive_key(self, agent: Agent) -> tuple[int | str, ...]:
+        """Build a key without the weather: the same drive has the same errors under all of them."""
+        seeds = self.spec.seeds
+        return seeds.sensors, seeds.traffic, self.spec.road.id, agent.id
 
 
 def _extrapolate_back(state: ActorState, after: Mapping[int, Matrix]) -> ActorState:

@@ -1,7 +1,6 @@
 """Accelerometer, gyroscope and compass at a vehicle's origin, in its body frame.
 
 They measure the derivatives of the vehicle's pose, which annotations have, too.
-Noise is white plus a first-order Gauss-Markov bias, with the data-sheet values of gnss-ins-sim.
 """
 
 import math
@@ -12,33 +11,30 @@ from advercity_dsl import Imu
 
 from advercity.frames import BodyMotion
 from advercity.geometry import poses
-from advercity.geometry.arrays import Float64Array
 from advercity.geometry.poses import Matrix
 from advercity.physics.constants import GRAVITY_M_S2
-from advercity.randomness import create_generator, sample_gauss_markov
+from advercity.randomness import create_generator
+from advercity.sensors.imu_errors import apply_errors
 from advercity.sensors.measurements import ImuSample
+from advercity.sensors.road_vibration import compute_vibration
+from advercity.sensors.sample_times import list_sample_times
 
-BIAS_CORRELATION_TIME_S = 100.0
-"""Correlation time of the biases."""
+_REST_SPECIFIC_FORCE = np.array([0.0, 0.0, GRAVITY_M_S2])
 
 
 @dataclass(frozen=True)
-class _ImuGrade:
-    """Noise densities per sqrt(Hz) and standard deviations of the biases, in m/s² and rad/s."""
+class ImuConditions:
+    """What a unit is exposed to, besides its motion.
 
-    gyro_density: float
-    gyro_bias: float
-    accelerometer_density: float
-    accelerometer_bias: float
+    Attributes:
+        air_c: Temperature of the air.
+        running_s: Time since the unit was started.
+        travelled_m: Distance of its vehicle at the previous tick and at this one.
+    """
 
-
-_REST_SPECIFIC_FORCE = np.array([0.0, 0.0, GRAVITY_M_S2])
-_IMU_GRADES = {
-    "ideal": _ImuGrade(0.0, 0.0, 0.0, 0.0),
-    "low": _ImuGrade(2.18e-4, math.radians(10.0 / 3600.0), 8.33e-4, 2.0e-4),
-    "mid": _ImuGrade(7.27e-5, math.radians(3.5 / 3600.0), 5.0e-4, 5.0e-5),
-    "high": _ImuGrade(5.8e-7, math.radians(0.1 / 3600.0), 4.2e-7, 3.6e-6),
-}
+    air_c: float = 15.0
+    running_s: float = 0.0
+    travelled_m: tuple[float, float] = (0.0, 0.0)
 
 
 def measure_imu(
@@ -49,71 +45,72 @@ def measure_imu(
     *,
     key: tuple[int | str, ...],
     frame: int,
-) -> ImuSample:
-    """Measure the sample at the second of two successive ticks.
+    conditions: ImuConditions | None = None,
+) -> ImuSample | None:
+    """Measure the samples between two successive ticks, that of the second included.
 
-    A unit with more than one sample per tick measures between the ticks, too, where acceleration
-    is interpolated linearly, as that of a cubic spline.
+    Between the ticks, acceleration is interpolated linearly, as that of a cubic spline.
 
     Args:
         imu: Grade and rate of the unit.
         world_from_body: Poses (4, 4) at the previous tick and at this one.
         motions: The motions that go with them.
         tick_s: Time between them.
-        key: Key of the noise, such as seed and agent; the same for all frames.
+        key: Key of the unit and its noise, such as seed and agent; the same for all frames.
         frame: Number of the frame from 0; the bias has drifted that many ticks.
+        conditions: What it is exposed to; by default it has just been started.
+
+    Returns:
+        The last of the samples with those before it, or None if there is none.
     """
-    count = imu.samples_per_tick
-    fractions = [(step + 1) / count for step in range(count)]
+    conditions = conditions or ImuConditions()
+    times = list_sample_times(imu, tick_s, frame, key=(*key, "imu"))
+    fractions = times.fractions
+    count = len(fractions)
+    if not count:
+        return None
+    now = fractions[:, None]
     places = poses.interpolate_poses(*world_from_body, fractions)
-    errors = _draw_errors(imu, tick_s / count, key, frame)
+    last, current = motions
+    acceleration = (1.0 - now) * last.acceleration + now * current.acceleration
+    rate = (1.0 - now) * last.angular_rate + now * current.angular_rate
+    pushed = zip(places, acceleration + _REST_SPECIFIC_FORCE, strict=True)
+    force = np.array([place[:3, :3].T @ push for place, push in pushed])
+    if imu.vibration is not None:
+        force = force + compute_vibration(
+            imu.vibration,
+            np.interp(fractions, [0.0, 1.0], conditions.travelled_m),
+            np.linalg.norm((1.0 - now) * last.velocity + now * current.velocity, axis=1),
+            rate_hz=1.0 / times.step_s,
+            key=key,
+        )
+    errors = imu.instrument
+    running_s = np.maximum(conditions.running_s + (fractions - 1.0) * tick_s, 0.0)
+    warming = 1.0 - np.exp(-running_s / errors.warm_up_s)
+    force, rate = apply_errors(
+        errors,
+        force,
+        rate,
+        times,
+        temperature_c=conditions.air_c + errors.self_heating_c * warming,
+        key=key,
+        frame=frame,
+    )
+    yaw_errors = create_generator(*key, "compass", frame).standard_normal(count)
+    yaw_errors *= math.radians(imu.compass_noise_deg)
     samples = [
-        _compute_sample(place, motions, fraction, error, tick_s)
-        for place, fraction, error in zip(places, fractions, errors, strict=True)
+        ImuSample(
+            specific_force=force[at],
+            angular_rate=rate[at],
+            compass_rad=_compute_compass(places[at], float(yaw_errors[at])),
+            time_s=(fractions[at] - 1.0) * tick_s,
+        )
+        for at in range(count)
     ]
     return replace(samples[-1], earlier=tuple(samples[:-1]))
 
 
-def _compute_sample(
-    world_from_body: Matrix,
-    motions: tuple[BodyMotion, BodyMotion],
-    fraction: float,
-    error: Float64Array,
-    tick_s: float,
-) -> ImuSample:
-    """Compute the sample at a fraction of the tick; error (7,) as `_draw_errors` returns it."""
-    last, now = motions
-    acceleration = (1.0 - fraction) * last.acceleration + fraction * now.acceleration
-    rate = (1.0 - fraction) * last.angular_rate + fraction * now.angular_rate
+def _compute_compass(world_from_body: Matrix, error: float) -> float:
+    """Compute the heading clockwise from north, with an error added."""
     yaw, _, _ = poses.to_yaw_pitch_roll(world_from_body)
-    return ImuSample(
-        specific_force=world_from_body[:3, :3].T @ (acceleration + _REST_SPECIFIC_FORCE)
-        + error[:3],
-        angular_rate=rate + error[3:6],
-        compass_rad=(math.pi / 2.0 - yaw + float(error[6])) % (2.0 * math.pi),
-        time_s=(fraction - 1.0) * tick_s,
-    )
-
-
-def _draw_errors(imu: Imu, step_s: float, key: tuple[int | str, ...], frame: int) -> Float64Array:
-    """Draw white noise plus bias (samples, 7): accelerometer, gyroscope, compass."""
-    grade, count = _IMU_GRADES[imu.grade], imu.samples_per_tick
-    density = np.repeat([grade.accelerometer_density, grade.gyro_density], 3)
-    bias = np.repeat([grade.accelerometer_bias, grade.gyro_bias], 3)
-    white = create_generator(*key, "imu noise", frame).standard_normal((count, 6))
-    first = frame * count
-    slow = sample_gauss_markov(
-        create_generator(*key, "imu bias"),
-        first,
-        first + count - 1,
-        correlation=math.exp(-step_s / BIAS_CORRELATION_TIME_S),
-        axes=6,
-    )
-    compass = create_generator(*key, "compass", frame).standard_normal((count, 1))
-    return np.concatenate(
-        [
-            density / math.sqrt(step_s) * white + bias * slow,
-            math.radians(imu.compass_noise_deg) * compass,
-        ],
-        axis=1,
-    )
+    return (math.pi / 2.0 - yaw + error) % (2.0 * math.pi)

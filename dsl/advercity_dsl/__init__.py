@@ -13,7 +13,8 @@ from advercity_dsl.catalogue import (
 )
 from advercity_dsl.channel import Channel
 from advercity_dsl.conflict import Conflict, OutcomeCriteria, StagedActor, StagedConflict
-from advercity_dsl.rig import Camera, Exposure, Gnss, Imu, Lidar, Mount, Radar, Rig, SensorSet
+from advercity_dsl.inertial import Imu
+from advercity_dsl.rig import Camera, Exposure, Gnss, Lidar, Mount, Radar, Rig, SensorSet
 from advercity_dsl.road import (
     MapFile,
     MapNetwork,

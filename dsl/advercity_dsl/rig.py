@@ -19,6 +19,7 @@ from advercity_dsl.base import (
     is_empty,
     is_none,
 )
+from advercity_dsl.inertial import Imu
 from advercity_dsl.lens import MAX_RENDERED_PX, CameraLens, find_edge_angle
 from advercity_dsl.units import (
     Count,
@@ -271,17 +272,6 @@ class Gnss(CompactModel):
     """Correlation time of the Gauss-Markov error, for `realistic`."""
     vertical_factor: Annotated[Number, Field(ge=0, le=10)] = 1.75
     """Factor of vertical errors over horizontal ones, for `realistic`."""
-
-
-class Imu(CompactModel):
-    """Accelerometer, gyroscope and compass at the vehicle's origin."""
-
-    grade: Literal["ideal", "low", "mid", "high"] = "ideal"
-    """Quality of the instrument; `ideal` has no errors."""
-    compass_noise_deg: Annotated[Degrees, Field(ge=0, le=90)] = 0
-    """Standard deviation of the heading."""
-    samples_per_tick: Annotated[Count, Field(ge=1, le=100)] = 1
-    """Samples per tick: 1 is 10 Hz, 10 is 100 Hz."""
 
 
 class MountedCamera(NamedTuple):

@@ -22,6 +22,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "km/h": ("speed", M_S_PER_KM_H),
     "mph": ("speed", 0.44704),  # exact: the international mile is 1609.344 m
     "mm/h": ("precipitation rate", 1.0),
+    "ms": ("time", 1e-3),
     "s": ("time", 1.0),
     "min": ("time", 60.0),
     "deg": ("angle", 1.0),
@@ -33,6 +34,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "g/cm3": ("density", 1.0),
     "kg/m3": ("density", 1e-3),
     "degC": ("temperature", 1.0),
+    "Hz": ("frequency", 1e-6),
+    "kHz": ("frequency", 1e-3),
     "MHz": ("frequency", 1.0),
     "GHz": ("frequency", 1e3),
     "dB": ("level", 1.0),
@@ -172,6 +175,7 @@ Seconds = Annotated[
     Field(ge=-1e6, le=1e6),
     RangeReason("a million seconds are eleven days", 1e6),
 ]
+Milliseconds = Annotated[_Number, Unit("ms"), Field(ge=-1e9, le=1e9)]
 Degrees = Annotated[
     _Number, Unit("deg"), Field(ge=-720, le=720), RangeReason("720 deg are two full turns", 720)
 ]
@@ -188,6 +192,7 @@ Celsius = Annotated[
     Field(ge=-100, le=100),
     RangeReason("no weather is colder or hotter", 100),
 ]
+Hertz = Annotated[_Number, Unit("Hz"), Field(ge=0, le=1e12)]
 Megahertz = Annotated[_Number, Unit("MHz"), Field(ge=0, le=1e6)]
 Decibels = Annotated[_Number, Unit("dB"), Field(ge=-200, le=200)]
 DecibelMilliwatts = Annotated[_Number, Unit("dBm"), Field(ge=-200, le=200)]

@@ -15,7 +15,7 @@ from advercity.sensors.measurements import ImuSample
 TICK_S = 0.1
 
 
-HIGH_GRADE_BIAS = 3.6e-6
+HIGH_GRADE_BIAS = 3.6e-6 / 0.6174
 
 
 HIGH_GRADE_WHITE = 4.2e-7 / math.sqrt(TICK_S)
@@ -31,10 +31,24 @@ def moving(acceleration: tuple[float, ...], rate: tuple[float, ...] = (0, 0, 0))
     return BodyMotion(np.zeros(3), np.array(acceleration), np.array(rate))
 
 
+def measure(
+    imu: Imu,
+    world_from_body: tuple[Matrix, Matrix],
+    motions: tuple[BodyMotion, BodyMotion],
+    tick_s: float,
+    *,
+    key: tuple[int | str, ...],
+    frame: int,
+) -> ImuSample:
+    found = measure_imu(imu, world_from_body, motions, tick_s, key=key, frame=frame)
+    assert found is not None
+    return found
+
+
 def sample(
     pose: Matrix, imu: Imu = IDEAL, *, motion: BodyMotion = AT_REST, frame: int = 0
 ) -> ImuSample:
-    return measure_imu(imu, (pose, pose), (motion, motion), TICK_S, key=(7, "ego"), frame=frame)
+    return measure(imu, (pose, pose), (motion, motion), TICK_S, key=(7, "ego"), frame=frame)
 
 
 AT_STANDSTILL = (STILL, STILL), (AT_REST, AT_REST)
@@ -105,7 +119,7 @@ def forces_at_rest(frame: int) -> np.ndarray:
     """Errors of the forward accelerometer of 400 good units."""
     return np.array(
         [
-            measure_imu(
+            measure(
                 Imu(grade="high"), *AT_STANDSTILL, TICK_S, key=(unit,), frame=frame
             ).specific_force[0]
             for unit in range(400)
@@ -126,10 +140,10 @@ def test_the_bias_drifts_slowly_and_forgets_in_the_end() -> None:
 
 
 def test_a_fast_unit_samples_between_the_frames() -> None:
-    imu = Imu(samples_per_tick=10)
+    imu = Imu(rate_hz=100)
     poses = STILL, pose_matrix((1.1, 2, 0))
     motions = moving((1.0, 0, 0)), moving((2.0, 0, 0))
-    found = measure_imu(imu, poses, motions, TICK_S, key=("fast",), frame=2)
+    found = measure(imu, poses, motions, TICK_S, key=("fast",), frame=2)
     assert len(found.earlier) == 9
     np.testing.assert_allclose([one.time_s for one in found.earlier], np.arange(-9, 0) / 100)
     forces = [one.specific_force for one in (*found.earlier, found)]
@@ -146,11 +160,11 @@ def test_a_compass_has_the_noise_of_its_rig() -> None:
 
 def test_noise_is_as_dense_at_a_second_as_the_data_sheet_says() -> None:
     """Allan deviation at 1 s of an hour at 100 Hz; the bias starts anew each second."""
-    imu = Imu(grade="low", samples_per_tick=10)
+    imu = Imu(grade="low", rate_hz=100)
     hour = 3600
     rows: list[np.ndarray] = []
     for frame in range(0, hour * 10, 10):
-        found = measure_imu(imu, *AT_STANDSTILL, TICK_S, key=("allan", frame), frame=0)
+        found = measure(imu, *AT_STANDSTILL, TICK_S, key=("allan", frame), frame=0)
         ten = [np.r_[one.specific_force, one.angular_rate] for one in (*found.earlier, found)]
         rows.append(np.mean(ten, axis=0) / math.sqrt(10))
     means = np.array(rows) - np.mean(rows, axis=0)
@@ -184,14 +198,14 @@ def drive(ticks: int) -> Drive:
     )
 
 
-def dead_reckoned(imu: Imu, way: Drive, key: str) -> Matrix:
+def dead_reckon(imu: Imu, way: Drive, key: str) -> Matrix:
     """Where the unit's samples lead from the first pose, at the speed that it has there."""
-    step_s = TICK_S / imu.samples_per_tick
+    step_s = TICK_S if imu.rate_hz is None else 1 / imu.rate_hz
     poses, motions = way
     where, velocity = poses[2].copy(), motions[2].velocity
     last: ImuSample | None = None
     for tick in range(2, len(poses) - 1):
-        found = measure_imu(
+        found = measure(
             imu,
             (poses[tick - 1], poses[tick]),
             (motions[tick - 1], motions[tick]),
@@ -225,10 +239,10 @@ def rotation_about(vector: np.ndarray, angle: float) -> np.ndarray:
     )
 
 
-@pytest.mark.parametrize("rate", [1, 10])
-def test_an_ideal_unit_gives_the_path_of_twenty_seconds_back(rate: int) -> None:
+@pytest.mark.parametrize("rate_hz", [None, 100])
+def test_an_ideal_unit_gives_the_path_of_twenty_seconds_back(rate_hz: float | None) -> None:
     way = drive(200)
-    end = dead_reckoned(Imu(samples_per_tick=rate), way, "ideal")
+    end = dead_reckon(Imu(rate_hz=rate_hz), way, "ideal")
     poses = way[0]
     travelled = sum(float(np.linalg.norm(b[:3, 3] - a[:3, 3])) for a, b in pairwise(poses))
     off = end[:3, 3] - poses[-2][:3, 3]
@@ -240,8 +254,8 @@ def test_an_ideal_unit_gives_the_path_of_twenty_seconds_back(rate: int) -> None:
 def test_a_cheap_unit_gives_the_path_back_within_its_noise() -> None:
     """Of twenty units: the gyroscopes' bias tilts gravity, t³/6; the rest is less."""
     way = drive(200)
-    exact = dead_reckoned(Imu(), way, "exact")[:3, 3]
-    ends = [dead_reckoned(Imu(grade="low"), way, f"unit {unit}")[:3, 3] for unit in range(20)]
+    exact = dead_reckon(Imu(), way, "exact")[:3, 3]
+    ends = [dead_reckon(Imu(grade="low"), way, f"unit {unit}")[:3, 3] for unit in range(20)]
     spread = np.sqrt(((np.array(ends) - exact) ** 2).mean(axis=0))
     time_s, gravity = 20.0, 9.81
     by_bias = gravity * math.radians(10 / 3600) * time_s**3 / 6

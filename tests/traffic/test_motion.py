@@ -140,4 +140,6 @@ def test_the_imu_measures_the_acceleration_that_others_annotate(
 def measure(before: Frame, now: Frame, number: int) -> NDArray[np.float64]:
     last, this = before.get_state(number), now.get_state(number)
     poses, motions = (last.world_from_body, this.world_from_body), (last.motion, this.motion)
-    return measure_imu(Imu(), poses, motions, 0.1, key=("motion",), frame=now.index).specific_force
+    found = measure_imu(Imu(), poses, motions, 0.1, key=("motion",), frame=now.index)
+    assert found is not None
+    return found.specific_force
