@@ -28,6 +28,7 @@ from advercity.dataset.carla_frame import (
 from advercity.dataset.cloud_files import read_pcd
 from advercity.dataset.formats import DatasetFormat, has_motion_file
 from advercity.dataset.image_codec import (
+    from_flow_colours,
     from_instance_colours,
     from_normal_colours,
     from_semantic_colours,
@@ -38,7 +39,7 @@ from advercity.errors import InputError, describe_cause
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 from advercity.sensors.camera_model import CameraModel
-from advercity.sensors.measurements import GnssFix, ImuSample, RadarCube
+from advercity.sensors.measurements import GnssFix, ImuSample, OpticalFlow, RadarCube
 
 if TYPE_CHECKING:
     from advercity_dsl import Agent
@@ -194,8 +195,20 @@ class AgentView:
         self._check_truth("normal", camera)
         return from_normal_colours(self._read_camera("normal", camera, cv2.IMREAD_COLOR_RGB))
 
+    def flow(self, camera: int) -> OpticalFlow:
+        """Read where the points that a camera's pixels show are in its next image.
+
+        In the last frame of a scenario it is unknown. InputError if the rig does not ask for
+        `truth: [flow]`.
+        """
+        self._check_truth("flow", camera)
+        mode = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_ANYDEPTH
+        colours: Any = self._read_camera("flow", camera, mode)
+        occlusion = self._read_camera("occlusion", camera, cv2.IMREAD_UNCHANGED)
+        return OpticalFlow(from_flow_colours(colours), occlusion > 0)
+
     def has_truth(self, kind: str, camera: int) -> bool:
-        """Return whether a camera has images of truth of a kind: `instance`, `normal`."""
+        """Return whether a camera has images of truth of a kind: `instance`, `normal`, `flow`."""
         return f"_{kind}{camera}.png" in self._format.list_suffixes(self.agent)
 
     def _check_truth(self, kind: str, camera: int) -> None:

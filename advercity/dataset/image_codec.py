@@ -69,6 +69,28 @@ def from_normal_colours(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     return (image / np.float32(127.5) - np.float32(1.0)).astype(np.float32)
 
 
+FLOW_STEPS_PER_PX, FLOW_ZERO = 64.0, 1 << 15
+"""Steps of a pixel, and the value of no motion, in the flow images of KITTI."""
+
+
+def to_flow_colours(shift_px: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Convert shifts (h, w, 2), NaN where unknown, to an RGB image (h, w, 3) as KITTI does.
+
+    Red and green have the shift to the right and down in 64ths of a pixel, blue is 1 where it is
+    known. Shifts of 512 pixels and more count as unknown.
+    """
+    steps = np.rint(shift_px * np.float32(FLOW_STEPS_PER_PX)) + FLOW_ZERO
+    known = ((steps >= 0) & (steps < 2 * FLOW_ZERO)).all(axis=2, keepdims=True)
+    colours = np.concatenate([np.where(known, steps, 0), known], axis=2)
+    return colours.astype(np.uint16)
+
+
+def from_flow_colours(image: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """Convert an RGB image (h, w, 3) of `to_flow_colours` to shifts (h, w, 2), to 1/128 pixel."""
+    shift = (image[..., :2].astype(np.float32) - FLOW_ZERO) / np.float32(FLOW_STEPS_PER_PX)
+    return np.where(image[..., 2:] > 0, shift, np.float32(np.nan))
+
+
 MAX_DEPTH_CM = 65_535
 """Depth of the sky and of all that is farther."""
 
@@ -113,22 +135,23 @@ def encode_label_png(image: NDArray[np.uint8]) -> bytes:
     return _encode_png(image, zlib_ng.Z_RLE)
 
 
-def encode_depth_png(depth_cm: NDArray[np.uint16]) -> bytes:
-    """Encode an image (h, w) of 16-bit values without loss."""
-    # PNG has the high byte first.
-    return _encode_png(depth_cm.astype(">u2").view(np.uint8).reshape(*depth_cm.shape, 2))
+def encode_deep_png(image: NDArray[np.uint16]) -> bytes:
+    """Encode an image of 16-bit values, RGB (h, w, 3) or grey (h, w), without loss."""
+    return _encode_png(image, zlib_ng.Z_RLE)
 
 
-def _encode_png(image: NDArray[np.uint8], strategy: int = zlib_ng.Z_RLE) -> bytes:
-    """Encode RGB (h, w, 3), grey (h, w), or the two bytes (h, w, 2) of 16-bit grey."""
+def _encode_png(image: NDArray[np.uint8] | NDArray[np.uint16], strategy: int) -> bytes:
+    """Encode RGB (h, w, 3) or grey (h, w)."""
     height, width = image.shape[:2]
-    channels = image.shape[2] if image.ndim == 3 else 1
-    kind, bits = RGB if channels == 3 else GREY, 16 if channels == 2 else 8
-    header = struct.pack(">IIBBBBB", width, height, bits, kind, 0, 0, 0)
+    values = image.shape[2] if image.ndim == 3 else 1
+    kind, channels = RGB if values == 3 else GREY, values * image.itemsize
+    header = struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, kind, 0, 0, 0)
     coder = zlib_ng.compressobj(
         1, zlib_ng.DEFLATED, zlib_ng.MAX_WBITS, DEFLATE_MEMORY_LEVEL, strategy
     )
-    rows = _filter_rows(image.reshape(height, width * channels), channels)
+    # PNG has the high byte first.
+    raw = np.ascontiguousarray(image.astype(f">u{image.itemsize}", copy=False)).view(np.uint8)
+    rows = _filter_rows(raw.reshape(height, width * channels), channels)
     pixels = coder.compress(rows.data) + coder.flush()
     chunks = (
         _build_chunk(b"IHDR", header),

@@ -29,9 +29,10 @@ from advercity.dataset.frame_documents import (
     format_yaml,
 )
 from advercity.dataset.image_codec import (
-    encode_depth_png,
+    encode_deep_png,
     encode_label_png,
     encode_photo_png,
+    to_flow_colours,
     to_instance_colours,
     to_normal_colours,
     to_semantic_colours,
@@ -42,7 +43,7 @@ from advercity.dataset.message_documents import build_messages_document
 from advercity.geometry.arrays import Uint8Array
 from advercity.roads.lane_segments import LaneSegment
 from advercity.sensors.annotation import annotate_actors
-from advercity.sensors.measurements import PointCloud
+from advercity.sensors.measurements import OpticalFlow, PointCloud
 from advercity.sensors.sensor_frame import SensorFrame
 
 EncodingJobs = dict[str, Callable[[], bytes]]
@@ -83,11 +84,14 @@ def encode_opv2v_frame(
             jobs[f"{stem}_camera{index}.png"] = partial(encode_photo_png, image.image)
             jobs[f"{stem}_semantic{index}.png"] = partial(_encode_semantic, image.semantic)
             jobs[f"{stem}_depth{index}.png"] = partial(_encode_metres, image.depth_cm)
-            jobs[f"{stem}_depth_cm{index}.png"] = partial(encode_depth_png, image.depth_cm)
+            jobs[f"{stem}_depth_cm{index}.png"] = partial(encode_deep_png, image.depth_cm)
             if image.instance is not None:
                 jobs[f"{stem}_instance{index}.png"] = partial(_encode_instance, image.instance)
             if image.normal is not None:
                 jobs[f"{stem}_normal{index}.png"] = partial(_encode_normal, image.normal)
+            if image.flow is not None:
+                jobs[f"{stem}_flow{index}.png"] = partial(_encode_shifts, image.flow)
+                jobs[f"{stem}_occlusion{index}.png"] = partial(_encode_occlusion, image.flow)
     for stem, maps in zip(stems, draw_bird_views(ordered, lanes), strict=True):
         jobs |= {
             f"{stem}_bev_{kind}.png": partial(_encode_mask, mask) for kind, mask in maps.items()
@@ -190,6 +194,14 @@ def _encode_instance(instance: NDArray[np.int32]) -> bytes:
 
 def _encode_normal(normal: NDArray[np.float32]) -> bytes:
     return encode_label_png(to_normal_colours(normal))
+
+
+def _encode_shifts(flow: OpticalFlow) -> bytes:
+    return encode_deep_png(to_flow_colours(flow.shift_px))
+
+
+def _encode_occlusion(flow: OpticalFlow) -> bytes:
+    return encode_label_png(flow.occluded.astype(np.uint8) * np.uint8(255))
 
 
 def _encode_metres(depth_cm: NDArray[np.uint16]) -> bytes:

@@ -50,12 +50,21 @@ class AgentPoses:
         self._roles = find_conflict_roles(spec)
         self._figures = number_figures(trace.actors)
         self._traced = lru_cache(maxsize=4)(trace.build_frame)
+        self._shown = lru_cache(maxsize=4)(self._build_frame)
         self._parked = place_parked_cars(build_road(spec.road), spec.blueprints, spec.conflicts)
         road = spec.road
         self._origin = Geodetic(road.origin_lat_deg, road.origin_lon_deg, road.origin_alt_m)
 
     def load_frame(self, index: int) -> Frame:
         """Load recorded frame `index` with parked cars; lamps and umbrellas follow the weather."""
+        return self._shown(index)
+
+    def next_frame(self, frame: Frame) -> Frame | None:
+        """Load the frame one tick later; None after the last."""
+        last = len(self._trace) - 1
+        return self.load_frame(frame.index + 1) if frame.index < last else None
+
+    def _build_frame(self, index: int) -> Frame:
         weather, seed = self.timeline.weather_at(index), self.spec.seeds.traffic
         people = assign_figures(self._traced(index), self._figures)
         shown = raise_umbrellas(people, weather.rain.rate_mm_h, seed=seed)

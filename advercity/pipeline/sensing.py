@@ -39,6 +39,8 @@ from advercity.sensors.lidar import (
     cast_scan,
     measure_point_cloud,
 )
+from advercity.sensors.measurements import OpticalFlow
+from advercity.sensors.optical_flow import CameraMotion, build_point_mover, measure_optical_flow
 from advercity.sensors.radar import PlacedRadar, SceneMotion, scan_radar
 from advercity.sensors.sensor_frame import (
     CameraImage,
@@ -78,6 +80,7 @@ class SensorRig:
         self._conditions_by_frame, self._conditions = conditions, conditions.at(0)
         self._light_sources: tuple[LightSource, ...] = ()
         self._hull_points = build_hull_point_lookup(world.bodies)
+        self._move_points = build_point_mover(world.bodies)
         trace = prepared.traffic.trace
         self._channel = V2xChannel(spec, spec.channel, trace, world) if spec.channel else None
         self._fit_boxes, self._min_points = build_pose_box_fitter(world.bodies), prepared.min_points
@@ -214,7 +217,25 @@ class SensorRig:
                 ),
                 instance=seen.instance if "instance" in truth else None,
                 normal=_turn_normals(seen.normal, pose) if "normal" in truth else None,
+                flow=(
+                    self._measure_flow(seen, agent, camera, frame, model)
+                    if "flow" in truth
+                    else None
+                ),
             )
+
+    def _measure_flow(
+        self, seen: CameraCapture, agent: Agent, camera: int, frame: Frame, model: CameraModel
+    ) -> OpticalFlow:
+        after = self._poses.next_frame(frame)
+        if after is None:
+            return OpticalFlow.build_unknown((model.height_px, model.width_px))
+        now, then = (
+            self._poses.world_from_cameras(agent, one.index)[camera] for one in (frame, after)
+        )
+        self._raycaster.place(after, hide=_carrier_ids(agent))
+        motion = CameraMotion(model, (now, then), (frame, after))
+        return measure_optical_flow(seen, motion, self._raycaster, self._move_points)
 
     def _render_image(
         self, capture: CameraCapture, agent: Agent, camera: int, pose: Matrix, frame: Frame

@@ -1,4 +1,4 @@
-"""What sensors report: GNSS fixes, IMU samples, point clouds and radar detections.
+"""What sensors report: GNSS fixes, IMU samples, point clouds, radar detections, optical flow.
 
 Datasets' readers import these types, so this module imports nothing but NumPy.
 """
@@ -93,6 +93,26 @@ class PointCloud:
     semantic: NDArray[np.uint8]
     instance: NDArray[np.int32]
     kind: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class OpticalFlow:
+    """Where the points that a camera's pixels show are in its next image.
+
+    Attributes:
+        shift_px: (h, w, 2) float32 to the right and down; NaN where there is no such place: behind
+            the camera, or of actors that leave.
+        occluded: (h, w) bool, whether the next image does not show the point: something hides it,
+            or it is outside.
+    """
+
+    shift_px: NDArray[np.float32]
+    occluded: NDArray[np.bool_]
+
+    @staticmethod
+    def build_unknown(shape: tuple[int, int]) -> "OpticalFlow":
+        """Build the flow (h, w) of an image without a next one."""
+        return OpticalFlow(np.full((*shape, 2), np.nan, np.float32), np.ones(shape, np.bool_))
 
 
 @dataclass(frozen=True, eq=False)

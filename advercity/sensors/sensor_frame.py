@@ -15,6 +15,7 @@ from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.measurements import (
     GnssFix,
     ImuSample,
+    OpticalFlow,
     PointCloud,
     RadarCube,
     RadarDetections,
@@ -67,6 +68,7 @@ class CameraImage:
         instance: (h, w) int32 actor id, 0 for everything static; None if the rig does not ask.
         normal: (h, w, 3) float32, unit, x right, y down, z along the view, zero for sky; None if
             the rig does not ask.
+        flow: Motion to the next image; None if the rig does not ask.
     """
 
     world_from_camera: Matrix
@@ -76,6 +78,7 @@ class CameraImage:
     projected_boxes: Mapping[int, ProjectedBox]
     instance: NDArray[np.int32] | None = None
     normal: NDArray[np.float32] | None = None
+    flow: OpticalFlow | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -80,7 +80,7 @@ class Exposure(CompactModel):
     """Exposure compensation in stops, positive for brighter images; 0 is the meter of ISO 2720."""
 
 
-TruthImage = Literal["instance", "normal"]
+TruthImage = Literal["instance", "normal", "flow"]
 """An image of truth that a camera may have."""
 
 
@@ -106,11 +106,12 @@ class Camera(CompactModel):
     """Exponent of the cosine by which images darken off axis: 4 for a simple lens, 0 for none."""
     flare: Annotated[Number, Field(ge=0, le=10)] = 1
     """Brightness of lens ghosts relative to a coated lens; 0 is none."""
-    truth: Annotated[Items[TruthImage], Field(max_length=2)] = Field(
+    truth: Annotated[Items[TruthImage], Field(max_length=3)] = Field(
         default=(), exclude_if=is_empty
     )
     """Images of truth besides classes and depths: `instance` has the id of the actor that each
-    pixel shows, `normal` the direction of its surface."""
+    pixel shows, `normal` the direction of its surface, `flow` where its point is in the next image,
+    and whether that shows it."""
     mounts: Annotated[Items[Mount], Field(min_length=1, max_length=8)]
     """Pose of each camera of this kind."""
 

@@ -37,7 +37,7 @@ from advercity.pipeline.weather_gallery import write_weather_gallery
 from advercity.rendering.backend import CameraCapture, CameraView
 from advercity.semantics import Semantic
 from advercity.sensors.measurements import PointKind
-from advercity.testing import FakeRenderer, make_capture
+from advercity.testing import FakeRenderer, make_capture, with_small_sensors
 from tests.builders import without_surroundings
 
 pytestmark = [pytest.mark.render, pytest.mark.sumo]
@@ -353,13 +353,14 @@ def test_frame_ranges_count_from_the_first_kept_frame(text: str, frames: list[in
 
 def test_a_rig_that_asks_for_truth_gets_images_of_it(spec: Spec, tmp_path: Path) -> None:
     agents = list(spec.agents)
-    camera = agents[0].sensors.camera.model_copy(update={"truth": ("instance", "normal")})
+    camera = agents[0].sensors.camera.model_copy(update={"truth": ("instance", "normal", "flow")})
     sensors = agents[0].sensors.model_copy(update={"camera": camera})
     agents[0] = agents[0].model_copy(update={"sensors": sensors})
     asking = with_digest(spec.model_copy(update={"agents": tuple(agents)}))
-    scenario = run(asking, tmp_path, 0, 1)
+    scenario = run(asking, tmp_path, 0, 2)
     assert verify_dataset(scenario) == []
-    assert {path.parent.name for path in scenario.glob("*/*_instance*.png")} == {"+101"}
+    for kind in ("instance", "normal", "flow", "occlusion"):
+        assert {path.parent.name for path in scenario.glob(f"*/*_{kind}*.png")} == {"+101"}
     view = Scenario(scenario)[0]["cav1"]
     counted = 0
     for number, described in view.extras["objects"].items():
@@ -373,3 +374,29 @@ def test_a_rig_that_asks_for_truth_gets_images_of_it(spec: Spec, tmp_path: Path)
     assert road.sum() > 500
     np.testing.assert_allclose(view.normal(0)[road].mean(axis=0), [0, -1, 0], atol=0.02)
     assert np.abs(view.normal(0)[view.semantic(0) == Semantic.SKY]).max() < 0.005
+    flow, row, column = view.flow(0), *np.indices(view.instance(0).shape)
+    seen = ~flow.occluded
+    assert seen.mean() > 0.8
+    shift = np.nan_to_num(flow.shift_px)
+    place = (row + shift[..., 1])[seen].round(), (column + shift[..., 0])[seen].round()
+    after = Scenario(scenario)[1]["cav1"]
+    for read in ("instance", "semantic"):
+        now, then = getattr(view, read)(0)[seen], getattr(after, read)(0)
+        assert (then[tuple(np.asarray(axis, int) for axis in place)] == now).mean() > 0.97
+
+
+def test_the_last_frame_of_a_scenario_has_no_flow(spec: Spec, tmp_path: Path) -> None:
+    small = with_small_sensors(spec).model_dump(mode="json")
+    for agent in small["agents"]:
+        agent["sensors"]["camera"]["truth"] = ["flow"]
+    asking = with_digest(Spec.model_validate(small))
+    last = load_or_simulate_traffic(asking).trace.signals.shape[0] - 1
+    scenario = run_scenario(
+        asking,
+        RunOptions(output=tmp_path, backend="fake", scale=1.0, frames=slice(last - 1, last + 1)),
+    )
+    before, end = (frame["cav1"].flow(0) for frame in Scenario(scenario))
+    assert np.isfinite(before.shift_px).any()
+    assert not before.occluded.all()
+    assert not np.isfinite(end.shift_px).any()
+    assert end.occluded.all()

@@ -7,7 +7,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from advercity.geometry.arrays import Float32Array
+from advercity.geometry.arrays import Float32Array, IndexArray
 from advercity.rendering.backend import CAPTURE_ARRAYS, CameraCapture
 from advercity.sensors.camera_model import CameraModel
 
@@ -40,10 +40,16 @@ class LensMap:
 
     def select(self, capture: CameraCapture) -> CameraCapture:
         """Select the nearest pixel of a capture for each pixel of the image."""
-        height, width = capture.depth.shape
-        column, row = np.moveaxis(self._place_samples(0.5, 0.5).astype(np.intp), -1, 0)
-        place = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
-        return replace(capture, **{name: getattr(capture, name)[place] for name in CAPTURE_ARRAYS})
+        column, row = np.moveaxis(self.find_nearest(capture.depth.shape), -1, 0)
+        return replace(
+            capture, **{name: getattr(capture, name)[row, column] for name in CAPTURE_ARRAYS}
+        )
+
+    def find_nearest(self, plane_shape: tuple[int, ...]) -> IndexArray:
+        """Find column and row (h, w, 2) of the nearest pixel of the plane for each pixel."""
+        height, width = plane_shape
+        nearest = self._place_samples(0.5, 0.5).astype(np.intp)
+        return np.clip(nearest, 0, np.array([width, height]) - 1)
 
     def _place_samples(self, down: float, right: float) -> Float32Array:
         """Find columns and rows (h, w, 2) of places in all pixels, from 0 to 1 down and right."""
