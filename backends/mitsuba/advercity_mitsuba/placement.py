@@ -47,19 +47,13 @@ class PlacedFrame:
     poses: Any
     words: Any
     luminances: Any
-    shapes: Sequence[Any]
     instances: Sequence[_Instance]
 
-    def build_visible_scene(self, hide: frozenset[int]) -> Any:
-        """Build the scene that a camera sees, without the actors in `hide`."""
-        if not any(item.actor_id in hide for item in self.instances):
-            return self.scene
-        shown = [
-            (item, shape)
-            for item, shape in zip(self.instances, self.shapes, strict=True)
-            if item.actor_id not in hide
-        ]
-        return _build_scene([item for item, _ in shown], [shape for _, shape in shown])
+    def find_hidden(self, hide: frozenset[int]) -> Any:
+        """Find which instances belong to actors in `hide`, by row."""
+        hidden = mi.Bool([item.actor_id in hide for item in self.instances])
+        dr.make_opaque(hidden)
+        return hidden
 
 
 class FramePlacer:
@@ -89,7 +83,7 @@ class FramePlacer:
             mi.Float(np.array([item.luminances for item in instances], np.float32).ravel()),
         )
         dr.make_opaque(*tables)
-        return PlacedFrame(_build_scene(instances, shapes), *tables, shapes, instances)
+        return PlacedFrame(_build_scene(instances, shapes), *tables, instances)
 
     def _list_static(self, frame: Frame, *, night: bool) -> list[_Instance]:
         found: list[_Instance] = []

@@ -12,12 +12,14 @@ from advercity.rendering.denoising import denoise
 from advercity.rendering.light_sources import list_light_sources
 from advercity.semantics import Semantic
 from advercity.world import World
+from advercity_mitsuba.camera import build_camera, trace_guides
 from advercity_mitsuba.detail import build_octave_table
 from advercity_mitsuba.geometry import GeometryStore
+from advercity_mitsuba.hits import Scene
 from advercity_mitsuba.images import DeviceImages, upload_images
 from advercity_mitsuba.lamps import LampSet
 from advercity_mitsuba.light import KILO, upload_light
-from advercity_mitsuba.paths import Camera, Scene, trace_guides, trace_radiance
+from advercity_mitsuba.paths import trace_radiance
 from advercity_mitsuba.placement import FramePlacer
 from advercity_mitsuba.surfaces import SurfaceTable
 from advercity_mitsuba.variant import activate_variant, dr, mi
@@ -62,7 +64,7 @@ class MitsubaRenderer:
     def render_camera(self, view: CameraView) -> CameraCapture:
         """Render one image of the placed frame."""
         activate_variant()
-        scene, camera = self._build_scene(view), _build_camera(view)
+        scene, camera = self._build_scene(view), build_camera(view)
         is_raster = self._profile.renderer == "raster"
         pixel = dr.arange(mi.UInt32, view.width_px * view.height_px)
         guides = trace_guides(scene, camera, pixel)
@@ -99,7 +101,6 @@ class MitsubaRenderer:
     def _build_scene(self, view: CameraView) -> Scene:
         return Scene(
             placed=self._placed,
-            visible=self._placed.build_visible_scene(view.hide),
             tables=self._store.tables,
             images=self._get_images(),
             octaves=self._octaves,
@@ -107,6 +108,7 @@ class MitsubaRenderer:
             weather=self._weather,
             lamps=None if self._lamps is None else self._lamps.tables,
             glow_chances=None if self._lamps is None else self._lamps.build_glow_chances(view),
+            hidden=self._placed.find_hidden(view.hide),
         )
 
     def _get_images(self) -> DeviceImages:
@@ -121,20 +123,3 @@ class MitsubaRenderer:
         pose = view.world_from_camera.astype("<f8").tobytes().hex()
         key = "mitsuba", self._frame_index, view.width_px, view.height_px, pose
         return int(create_generator(*key).integers(2**31))
-
-
-def _build_camera(view: CameraView) -> Camera:
-    pose = view.world_from_camera
-    half_width = float(np.tan(view.horizontal_fov_rad / 2.0))
-    camera = Camera(
-        eye=mi.Point3f(*map(float, pose[:3, 3])),
-        ahead=mi.Vector3f(*map(float, pose[:3, 0])),
-        left=mi.Vector3f(*map(float, pose[:3, 1])),
-        up=mi.Vector3f(*map(float, pose[:3, 2])),
-        half_width=mi.Float(half_width),
-        half_height=mi.Float(half_width * view.height_px / view.width_px),
-        width_px=mi.UInt32(view.width_px),
-        height_px=mi.UInt32(view.height_px),
-    )
-    dr.make_opaque(*vars(camera).values())
-    return camera
