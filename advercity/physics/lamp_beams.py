@@ -37,7 +37,8 @@ class LightSource:
     """At the peak."""
     colour: Colour
     unobstructed_m: float = np.inf
-    """Length of the free path along its axis, before another vehicle hides its light."""
+    """Length of the free path along its axis, before another vehicle, for air behind it that may
+    glow; surfaces have shadows."""
 
 
 @dataclass(frozen=True)

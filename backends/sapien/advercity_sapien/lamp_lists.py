@@ -1,13 +1,15 @@
 """Lists of the lamps that matter where, so that shaders stay cheap with hundreds of lamps.
 
-A surface looks up the lamps of its cell of the ground and, if it is wet, those of the bearing under
-which it is seen: it may mirror them from far beyond their range. Air looks up the lamps whose glow
-may be seen in its tile of the image. Lamps fade to nothing where lists end, so that no edges show.
+A surface looks up all lamps of its cell of the ground that matter there and, if it is wet, those of
+the bearing under which it is seen: it may mirror them from far beyond their range. Air looks up the
+lamps whose glow may be seen in its tile of the image. Lamps fade to nothing where lists end, so
+that no edges show.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float32Array, FloatArray
 from advercity.physics.atmosphere import Atmosphere
@@ -15,11 +17,11 @@ from advercity.physics.lamp_beams import BEAMS, LENS, LOW_BEAM, LampPattern, Lig
 from advercity.rendering.backend import CameraView
 from advercity_sapien.shader_table import (
     BEARINGS,
+    CELL_LAMPS,
     COLUMNS,
     GRID_CELLS,
     KILO,
     LAMPS_PER_BEARING,
-    LAMPS_PER_CELL,
     LAMPS_PER_TILE,
     TILES_HIGH,
     TILES_WIDE,
@@ -27,10 +29,10 @@ from advercity_sapien.shader_table import (
 )
 
 GRID_MARGIN_M = 60.0
-"""Margin of the cells around all lamps."""
-MAX_RANGE_M = 120.0
+"""Margin of the cells around all lamps and the ends of all beams."""
+MAX_RANGE_M = 300.0
 """Longest distance that a lamp lights."""
-NEGLIGIBLE_FRACTION = 0.02
+NEGLIGIBLE_FRACTION = 5e-3
 """Fraction of the light that is everywhere which need not be shown."""
 MIN_ILLUMINANCE_LX, MIN_LUMINANCE_CD_M2 = 1e-3, 1e-4
 NEGLIGIBLE_AIRLIGHT_FRACTION = 0.03
@@ -71,7 +73,7 @@ class LampLists:
         self._kind = np.array([lamp.pattern for lamp in brightest], dtype=int)
         self._is_beam = np.isin(self._kind, list(BEAMS))
         self._intensity_cd = np.array([lamp.intensity_cd for lamp in brightest])
-        self._free_range_m = np.array([lamp.unobstructed_m for lamp in brightest])
+        self._free_path_m = np.array([lamp.unobstructed_m for lamp in brightest])
         self._colour = np.array([lamp.colour for lamp in brightest]).reshape(-1, 3)
         self._extinction = atmosphere.extinction.at_550nm
         faint_lx = NEGLIGIBLE_FRACTION * (atmosphere.street_lx + atmosphere.sky_lx)
@@ -80,7 +82,7 @@ class LampLists:
         self._faint_cd_m2 = max(faint_cd_m2, MIN_LUMINANCE_CD_M2)
         self._range_m = self._compute_ranges()
         self.cell_grid = self._compute_cell_grid()
-        self._cells = self._list_by_cell()
+        self._cells, self._cell_lamps = self._list_by_cell()
 
     def write_to(self, table: ShaderTable, view: CameraView) -> None:
         """Write the lamps and their lists for a camera into the table."""
@@ -91,7 +93,10 @@ class LampLists:
         lamps[0, :count] = np.column_stack([self._position, self._kind])
         lamps[1, :count] = np.column_stack([self._facing, min_cosine])
         lamps[2, :count] = np.column_stack([light, self._range_m])
-        lists = {"cells": self._cells, "tiles": tiles, "bearings": self._list_by_bearing(view)}
+        lamps[3, :count, 0] = self._free_path_m
+        lists = {"cell_lamps": self._cell_lamps, "tiles": tiles}
+        lists["bearings"] = self._list_by_bearing(view)
+        table.section("cells").reshape(-1, 4)[: GRID_CELLS**2, :2] = self._cells
         for name, entries in lists.items():
             table.section(name).reshape(-1)[: entries.size] = entries.ravel()
 
@@ -99,20 +104,25 @@ class LampLists:
         """Compute the distance (n,) at which each lamp's light becomes negligible, metres."""
         street = np.cbrt(STREET_LAMP_HEIGHT_M * self._intensity_cd / self._faint_lx)
         other = np.sqrt(self._intensity_cd / self._faint_lx)
-        faint = np.where(self._kind == LampPattern.STREET, street, other)
-        return np.minimum(faint, np.minimum(self._free_range_m, MAX_RANGE_M))
+        return np.minimum(np.where(self._kind == LampPattern.STREET, street, other), MAX_RANGE_M)
 
     def _compute_cell_grid(self) -> tuple[float, float, float, float]:
         """Compute the south-western corner of the cells, and cells per metre."""
         if not len(self._kind):
             return 0.0, 0.0, 1.0, 1.0
-        low = self._position[:, :2].min(axis=0) - GRID_MARGIN_M
-        size = self._position[:, :2].max(axis=0) + GRID_MARGIN_M - low
+        beams = self._facing[:, :2] * (self._range_m * self._is_beam)[:, None]
+        lit = np.concatenate([self._position[:, :2], self._position[:, :2] + beams])
+        low = lit.min(axis=0) - GRID_MARGIN_M
+        size = lit.max(axis=0) + GRID_MARGIN_M - low
         per_m = GRID_CELLS / size
         return float(low[0]), float(low[1]), float(per_m[0]), float(per_m[1])
 
-    def _list_by_cell(self) -> Float32Array:
-        """List lamps (cells, LAMPS_PER_CELL) by their light on the brightest point of a cell."""
+    def _list_by_cell(self) -> tuple[NDArray[np.int_], Float32Array]:
+        """List lamps that light a point of a cell more than faintly.
+
+        First texels of the lists of cells and those after their last (cells, 2), and the lamps of
+        all lists (CELL_LAMPS,), four in a texel, -1 where there is none.
+        """
         x, y, per_x, per_y = self.cell_grid
         middle = np.arange(GRID_CELLS) + 0.5
         grid = np.stack(np.meshgrid(x + middle / per_x, y + middle / per_y), axis=-1).reshape(-1, 2)
@@ -133,7 +143,7 @@ class LampLists:
             LENS.relative_intensity(np.cos(off_axis)) / (nearest**2 + 1.0),
         )
         lux[nearest > self._range_m] = 0.0
-        return _select_highest(lux, LAMPS_PER_CELL, self._faint_lx)
+        return _pack_lists(lux, self._faint_lx)
 
     def _list_by_tile(self, view: CameraView) -> tuple[FloatArray, Float32Array]:
         """List lamps (tiles, LAMPS_PER_TILE) by their glow.
@@ -213,6 +223,25 @@ def _beam_fraction(aside_rad: FloatArray) -> FloatArray:
 def _horizontal_angle(away: FloatArray, distance: FloatArray, facing: FloatArray) -> FloatArray:
     """Compute the angle (...) between level vectors (..., 2) and directions of lamps (n, 2)."""
     return np.arccos(np.clip((away * facing).sum(axis=-1) / np.maximum(distance, 1e-3), -1.0, 1.0))
+
+
+def _pack_lists(lux: FloatArray, above: float) -> tuple[NDArray[np.int_], Float32Array]:
+    """Pack the columns above a limit of each row (cells, lamps) as `_list_by_cell` returns them.
+
+    If all are more than there is room for, the highest remain.
+    """
+    # Each list may leave three places of its last texel empty.
+    room = CELL_LAMPS - 3 * len(lux)
+    if lux.size > room:
+        above = max(above, float(np.partition(lux, -room - 1, axis=None)[-room - 1]))
+    row, lamp = np.nonzero(lux > above)
+    counts = np.bincount(row, minlength=len(lux))
+    ends = np.cumsum(-(-counts // 4))
+    first = np.concatenate([[0], ends[:-1]])
+    packed = np.full(CELL_LAMPS, -1.0, dtype=np.float32)
+    place_in_list = np.arange(len(row)) - (np.cumsum(counts) - counts)[row]
+    packed[4 * first[row] + place_in_list] = lamp
+    return np.stack([first, ends], axis=1), packed
 
 
 def _select_highest(score: FloatArray, most: int, above: float) -> Float32Array:

@@ -17,12 +17,13 @@ from advercity.physics.lamp_beams import BEAMS, LightSource
 from advercity.rendering.light_sources import LAMP_HEIGHT_M
 from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.world import World
+from advercity_sapien.lamp_lists import MAX_RANGE_M
 from advercity_sapien.light_probes import GROUND_CLASSES
 from advercity_sapien.shader_table import COLUMNS
 
 HOUSING_M = 0.25
 """Distance around a lamp within which nothing hides it."""
-REACH_RANGE_M = 200.0
+REACH_RANGE_M = MAX_RANGE_M
 CELL_COLUMNS, CELL_ROWS, CELLS_PER_ROW = 96, 24, 8
 """Texels of the texture for each lamp, of which its map fills a corner, and lamps side by side."""
 

@@ -20,11 +20,11 @@ from advercity.geometry.arrays import Float32Array
 KILO = 1e-3
 """Factor from cd/m² and lx to the renderer's kcd/m² and klx."""
 COLUMNS = 512
-GRID_CELLS, LAMPS_PER_CELL = 32, 16
-"""Cells along each edge of the ground that has lamps."""
+GRID_CELLS, CELL_LAMPS = 48, 65_536
+"""Cells along each edge of the ground that has lamps; room for lamps in the lists of all cells."""
 TILES_HIGH, TILES_WIDE, LAMPS_PER_TILE = 18, 32, 16
 """Tiles of an image."""
-BEARINGS, LAMPS_PER_BEARING = 64, 16
+BEARINGS, LAMPS_PER_BEARING = 64, 32
 """Sectors of the horizon, counterclockwise from -180 degrees."""
 FOG_BEAM_NODES, FOG_BEAM_TABLES = (24, 24, 24), 4
 """Nodes ahead of a lamp, to its right and up; tables of low beams and front fog lamps, two each."""
@@ -111,8 +111,9 @@ PARAMETERS = (
 )
 SECTIONS = (
     Section("parameters", COLUMNS),
-    Section("lamps", 3 * COLUMNS),
-    Section("cells", GRID_CELLS**2 * LAMPS_PER_CELL // 4),
+    Section("lamps", 4 * COLUMNS),
+    Section("cells", GRID_CELLS**2),
+    Section("cell_lamps", CELL_LAMPS // 4),
     Section("tiles", TILES_HIGH * TILES_WIDE * LAMPS_PER_TILE // 4),
     Section("bearings", BEARINGS * LAMPS_PER_BEARING // 4),
     Section("fog_beams", FOG_BEAM_TABLES * prod(FOG_BEAM_NODES)),
@@ -179,7 +180,6 @@ def format_table_glsl() -> Iterator[str]:
         "TILES_WIDE": TILES_WIDE,
         "BEARINGS": BEARINGS,
         # A texel holds four lamps.
-        "TEXELS_PER_CELL": LAMPS_PER_CELL // 4,
         "TEXELS_PER_TILE": LAMPS_PER_TILE // 4,
         "TEXELS_PER_BEARING": LAMPS_PER_BEARING // 4,
         "FOG_BEAM_ROWS": prod(FOG_BEAM_NODES) // COLUMNS,

@@ -5,10 +5,10 @@ import pytest
 from advercity_sapien.lamp_lists import LampLists
 from advercity_sapien.shader_table import (
     BEARINGS,
+    CELL_LAMPS,
     COLUMNS,
     GRID_CELLS,
     LAMPS_PER_BEARING,
-    LAMPS_PER_CELL,
     LAMPS_PER_TILE,
     TILES_HIGH,
     TILES_WIDE,
@@ -40,6 +40,13 @@ def entries(table: ShaderTable, section: str, lists: int, length: int) -> NDArra
     return table.section(section).reshape(-1)[: lists * length].reshape(lists, length)
 
 
+def listed(table: ShaderTable, cell: int) -> list[int]:
+    """Lamps of a cell."""
+    first, end = table.section("cells").reshape(-1, 4)[cell, :2].astype(int)
+    lamps = table.section("cell_lamps").reshape(-1)[4 * first : 4 * end]
+    return lamps[lamps >= 0].astype(int).tolist()
+
+
 def cell_of(lists: LampLists, x: float, y: float) -> int:
     left, low, per_x, per_y = lists.cell_grid
     return int((y - low) * per_y) * GRID_CELLS + int((x - left) * per_x)
@@ -47,17 +54,32 @@ def cell_of(lists: LampLists, x: float, y: float) -> int:
 
 def test_without_lamps_every_list_is_empty() -> None:
     _, table = write()
-    assert (entries(table, "cells", GRID_CELLS**2, LAMPS_PER_CELL) == -1).all()
+    assert listed(table, 0) == listed(table, GRID_CELLS**2 - 1) == []
     assert (entries(table, "tiles", TILES_HIGH * TILES_WIDE, LAMPS_PER_TILE) == -1).all()
     assert (entries(table, "bearings", BEARINGS, LAMPS_PER_BEARING) == -1).all()
 
 
 @pytest.mark.parametrize("number", range(5))
-def test_the_lamp_above_a_cell_is_the_first_of_its_list(number: int) -> None:
+def test_a_cell_lists_the_lamp_above_it(number: int) -> None:
     lamps = [street_lamp(60.0 * index, 10.0, 1000.0 - index) for index in range(5)]
     lists, table = write(*lamps)
-    cells = entries(table, "cells", GRID_CELLS**2, LAMPS_PER_CELL)
-    assert cells[cell_of(lists, 60.0 * number, 10.0), 0] == number
+    assert number in listed(table, cell_of(lists, 60.0 * number, 10.0))
+
+
+def test_a_cell_lists_every_lamp_that_lights_it() -> None:
+    lists, table = write(*[street_lamp(0.5 * index, 0.0) for index in range(75)])
+    assert listed(table, cell_of(lists, 18.0, 0.0)) == list(range(75))
+
+
+def test_lists_that_are_longer_than_their_room_keep_the_brightest_lamps() -> None:
+    lamps = [street_lamp(index % 8, index // 8, 1e5 * (index + 1)) for index in range(COLUMNS)]
+    lists, table = write(*lamps)
+    found = [listed(table, cell) for cell in range(GRID_CELLS**2)]
+    kept = sum(map(len, found))
+    assert CELL_LAMPS - 4 * GRID_CELLS**2 < kept <= CELL_LAMPS
+    # The table has the brightest first.
+    assert 0 in found[cell_of(lists, 7.0, 63.0)]
+    assert not any(COLUMNS - 1 in cell for cell in found)
 
 
 def test_a_bearing_lists_the_lamps_in_its_direction() -> None:

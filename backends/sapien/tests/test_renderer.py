@@ -507,6 +507,22 @@ def test_a_street_lamp_gives_the_illuminance_of_its_flux(opened: Open) -> None:
     assert centre(luminance(capture)) == pytest.approx(expected, rel=0.02)
 
 
+def test_forty_lamps_over_one_spot_give_the_sum_of_their_light(opened: Open) -> None:
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    around = [
+        (2.0 * np.cos(turn), 2.0 * np.sin(turn), 8.0) for turn in 2 * np.pi / 40 * np.arange(40)
+    ]
+    lamps = tuple(StreetLamp(position, flux_lm=500.0) for position in around)
+    with opened(world_of(ground, street_lamps=lamps), air_of(night=True), samples=16) as renderer:
+        renderer.place(frame_of())
+        capture = renderer.render_camera(
+            view_of(pose_matrix((0, 0, 5), pitch=np.pi / 2), size=(21, 21))
+        )
+    # A Lambertian lamp gives flux / pi times both cosines, 8 m / d, over d².
+    each_lx = 500.0 / np.pi * 8.0**2 / (8.0**2 + 2.0**2) ** 2
+    assert centre(luminance(capture)) == pytest.approx(40 * each_lx / np.pi, rel=0.02)
+
+
 def test_low_beams_light_the_road_ahead_by_night_only(opened: Open) -> None:
     ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white", Semantic.ROAD)
     seen: dict[tuple[bool, Lamp], Floats] = {}

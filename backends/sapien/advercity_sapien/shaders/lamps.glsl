@@ -11,6 +11,7 @@ struct Lamp {
   float minCosine;
   vec3 intensity;  // kcd, at the peak
   float range;     // metres, where its light ends
+  float freePath;  // metres along its axis, before another vehicle
 };
 
 // Squared size, m²: nearer than its size a lamp is not a point. A fog lamp represents two.
@@ -22,7 +23,8 @@ Lamp fetchLamp(int i) {
   vec4 a = texelFetch(samplerTable, ivec2(i, LAMPS_ROW), 0);
   vec4 b = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 1), 0);
   vec4 c = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 2), 0);
-  return Lamp(i, a.xyz, int(a.w), b.xyz, b.w, c.rgb, c.w);
+  float freePath = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 3), 0).x;
+  return Lamp(i, a.xyz, int(a.w), b.xyz, b.w, c.rgb, c.w, freePath);
 }
 
 // Numbers of four lamps of a list; -1 after the last.
@@ -30,12 +32,13 @@ ivec4 lampQuad(int row, int texel) {
   return ivec4(texelFetch(samplerTable, ivec2(texel % COLUMNS, row + texel / COLUMNS), 0));
 }
 
-// First texel of the list of a cell of the ground; -1 outside all cells.
-int cellList(vec2 position) {
+// First texel of the list of a cell of the ground, and the one after its last; empty outside all cells.
+ivec2 cellList(vec2 position) {
   vec4 grid = lampGrid();
   ivec2 cell = ivec2(floor((position - grid.xy) * grid.zw));
-  if (any(lessThan(cell, ivec2(0))) || any(greaterThanEqual(cell, ivec2(GRID_CELLS)))) return -1;
-  return (cell.y * GRID_CELLS + cell.x) * TEXELS_PER_CELL;
+  if (any(lessThan(cell, ivec2(0))) || any(greaterThanEqual(cell, ivec2(GRID_CELLS)))) return ivec2(0);
+  int number = cell.y * GRID_CELLS + cell.x;
+  return ivec2(texelFetch(samplerTable, ivec2(number % COLUMNS, CELLS_ROW + number / COLUMNS), 0).xy);
 }
 
 // First texel of the list of a horizontal direction.

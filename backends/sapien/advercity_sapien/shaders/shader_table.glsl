@@ -3,18 +3,18 @@
 const int COLUMNS = 512;
 const int PARAMETERS_ROW = 0;
 const int LAMPS_ROW = 1;
-const int CELLS_ROW = 4;
-const int TILES_ROW = 12;
-const int BEARINGS_ROW = 17;
-const int FOG_BEAMS_ROW = 18;
-const int BODIES_ROW = 126;
-const int GRID_CELLS = 32;
+const int CELLS_ROW = 5;
+const int CELL_LAMPS_ROW = 10;
+const int TILES_ROW = 42;
+const int BEARINGS_ROW = 47;
+const int FOG_BEAMS_ROW = 48;
+const int BODIES_ROW = 156;
+const int GRID_CELLS = 48;
 const int TILES_HIGH = 18;
 const int TILES_WIDE = 32;
 const int BEARINGS = 64;
-const int TEXELS_PER_CELL = 4;
 const int TEXELS_PER_TILE = 4;
-const int TEXELS_PER_BEARING = 4;
+const int TEXELS_PER_BEARING = 8;
 const int FOG_BEAM_ROWS = 27;
 const ivec3 FOG_BEAM_NODES = ivec3(24, 24, 24);
 

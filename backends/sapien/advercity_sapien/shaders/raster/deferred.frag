@@ -68,18 +68,17 @@ vec3 lampRadiance(Surface s, vec3 towardsEye, vec3 position, vec3 normal) {
   s.alpha = max(s.alpha, 0.05);
   vec3 sum = vec3(0.0);
   bool mirrors = isMirrorLike(s);
-  int list = cellList(position.xy);
-  for (int i = 0; list >= 0 && i < TEXELS_PER_CELL; ++i) {
-    ivec4 four = lampQuad(CELLS_ROW, list + i);
+  ivec2 cell = cellList(position.xy);
+  for (int i = cell.x; i < cell.y; ++i) {
+    ivec4 four = lampQuad(CELL_LAMPS_ROW, i);
     for (int j = 0; j < 4 && four[j] >= 0; ++j) {
       Lamp l = fetchLamp(four[j]);
       vec3 light = lampReflection(l, s, towardsEye, position, mirrors);
       if (light != vec3(0.0)) sum += light * lampVisibility(l, position, normal);
     }
-    if (four.w < 0) break;
   }
   if (!mirrors) return sum;
-  list = bearingList(-towardsEye.xy);
+  int list = bearingList(-towardsEye.xy);
   for (int i = 0; i < TEXELS_PER_BEARING; ++i) {
     ivec4 four = lampQuad(BEARINGS_ROW, list + i);
     for (int j = 0; j < 4 && four[j] >= 0; ++j) {
