@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from advercity.geometry.mesh import Mesh
 from advercity.material_maps import MaterialMaps
 from advercity.roads.lane_segments import LaneSegment
+from advercity.signal_heads import GovernedTraffic
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,14 +53,15 @@ class StreetLamp:
 
 @dataclass(frozen=True)
 class SignalLamp:
-    """Lenses of a traffic-light head, from top to bottom red, yellow, green."""
+    """Lenses of a traffic-light head, as `SIGNAL_HEADS` arranges them."""
 
     id: str
-    """`<junction>/<street>`: the approach that it controls."""
+    """`<junction>/<street>`: the approach that it controls; several heads may have the same."""
     position: tuple[float, float, float]
-    """Centre of the face of the yellow lens."""
+    """Middle of the head's face."""
     facing: tuple[float, float]
     """Unit vector (x, y) towards the traffic that it controls."""
+    governs: GovernedTraffic = "vehicles"
 
 
 @dataclass(frozen=True)

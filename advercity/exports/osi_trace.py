@@ -31,6 +31,7 @@ from advercity.physics.extinction import compute_extinction
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.roads.road_network import build_road
 from advercity.roads.signals import TrafficLight
+from advercity.signal_heads import SIGNAL_HEADS
 
 LENGTH_BYTES = 4
 VEHICLE_TYPES = {
@@ -49,7 +50,6 @@ COLOURS = {
 }
 FIRST_LIGHT_ID, FIRST_UNIT_ID = 1_000_000, 2_000_000
 """Ids are unique in a scenario; actors have those of the dataset, below."""
-BULB_SPACING_M, BULB_SIZE_M = 0.3, 0.2
 VISIBILITIES_M = (50.0, 200.0, 1000.0, 2000.0, 4000.0, 10_000.0, 40_000.0)
 FOGS = (
     *("DENSE", "THICK", "LIGHT", "MIST"),
@@ -117,10 +117,10 @@ class TruthBuilder:
         for state in frame.states:
             self._fill_object(truth.moving_object.add(), state)
         for number, light in enumerate(self._lights):
-            for bulb, signal in enumerate(COLOURS):
+            for signal in SIGNAL_HEADS[light.governs].lens_heights_m:
                 item = truth.traffic_light.add()
-                item.id.value = FIRST_LIGHT_ID + number * len(COLOURS) + bulb
-                self._fill_bulb(item, light, bulb, signal, frame.signals.get(light.id))
+                item.id.value = FIRST_LIGHT_ID + number * len(COLOURS) + signal
+                self._fill_bulb(item, light, signal, frame.signals.get(light.id))
         weather = self._spec.weather.at(index * self._spec.timing.tick_s)
         truth.environmental_conditions.CopyFrom(self._get_conditions(weather))
         return truth
@@ -194,18 +194,19 @@ class TruthBuilder:
         shown.indicator_state = getattr(lights, f"INDICATOR_STATE_{name}")
 
     def _fill_bulb(
-        self, item: Any, light: TrafficLight, bulb: int, colour: Signal, shown: Signal | None
+        self, item: Any, light: TrafficLight, colour: Signal, shown: Signal | None
     ) -> None:
         kinds = self._bulbs.TrafficLight.Classification
-        x, y, z = light.position_m
-        # Red is at the top of a head, whose middle is where it is attached.
-        _fill_vector(item.base.position, np.array([x, y, z + (1 - bulb) * BULB_SPACING_M]))
+        head = SIGNAL_HEADS[light.governs]
+        x, y, z = np.add(light.position_m, (*np.multiply(light.facing, head.face_m), -head.drop_m))
+        _fill_vector(item.base.position, np.array([x, y, z + head.lens_heights_m[colour]]))
         item.base.orientation.yaw = math.atan2(light.facing[1], light.facing[0])
         size = item.base.dimension
-        size.length = size.width = size.height = BULB_SIZE_M
+        size.length = size.width = size.height = 2 * head.lens_radius_m
         classification = item.classification
         classification.color = getattr(kinds, COLOURS[colour])
-        classification.icon = kinds.ICON_NONE
+        is_figure = light.governs == "pedestrians"
+        classification.icon = kinds.ICON_PEDESTRIAN if is_figure else kinds.ICON_NONE
         classification.mode = kinds.MODE_CONSTANT if shown == colour else kinds.MODE_OFF
 
     def _get_conditions(self, weather: Weather) -> Any:

@@ -3,11 +3,19 @@
 from enum import IntEnum
 
 import numpy as np
+import shapely
 
 from advercity.frames import Lamp, Signal
-from advercity.geometry.mesh import Mesh
+from advercity.geometry.mesh import (
+    Mesh,
+    TriangleSurface,
+    extract_polygons,
+    join_surfaces,
+    triangulate_polygon,
+)
 from advercity.rendering.light_sources import signal_lens_position
 from advercity.semantics import Semantic
+from advercity.signal_heads import SIGNAL_HEADS, GovernedTraffic
 
 
 class LensKind(IntEnum):
@@ -39,7 +47,22 @@ LENS_KCD_M2 = {
 """Luminance of a lit lens per albedo; of a red one as a brake or fog lamp."""
 SNOWLESS_MATERIALS = frozenset({"glass", "rubber", "skin", *LENS_KINDS})
 """Materials that falling snow does not stay on; cloth, too, by its name."""
-LENS_RADIUS_M, LENS_CORNERS = 0.13, 16
+LENS_CORNERS = 16
+_STANDING_LIMBS = (
+    ([(0.0, 0.28), (0.0, -0.1)], 0.18),
+    ([(-0.24, 0.36), (-0.3, -0.14)], 0.08),
+    ([(0.24, 0.36), (0.3, -0.14)], 0.08),
+    ([(-0.1, -0.1), (-0.11, -0.8)], 0.1),
+    ([(0.1, -0.1), (0.11, -0.8)], 0.1),
+)
+_WALKING_LIMBS = (
+    ([(0.0, 0.28), (-0.03, -0.08)], 0.16),
+    ([(0.05, 0.36), (0.33, 0.1), (0.5, 0.16)], 0.08),
+    ([(-0.05, 0.36), (-0.28, 0.06), (-0.3, -0.12)], 0.08),
+    ([(0.0, -0.12), (0.26, -0.4), (0.3, -0.8)], 0.1),
+    ([(-0.04, -0.12), (-0.18, -0.46), (-0.48, -0.74)], 0.1),
+)
+"""Lines (y, z) of torso, arms and legs of figures in a lens of radius 1, and their half widths."""
 _LAMPS = {
     LensKind.LAMP_WHITE: Lamp.LOW_BEAM,
     LensKind.LAMP_RED: Lamp.BRAKE | Lamp.FOG,
@@ -75,19 +98,33 @@ def compute_lens_luminances(lamps: Lamp, signal: Signal | None = None) -> list[f
     return luminances
 
 
-def build_signal_lenses() -> tuple[Mesh, ...]:
-    """Build the three lenses of a signal as discs that face along x; yellow is at the origin."""
+def build_signal_lenses(governs: GovernedTraffic) -> tuple[Mesh, ...]:
+    """Build the lenses of a head, which face along x: discs, or figures for pedestrians."""
+    head = SIGNAL_HEADS[governs]
+    meshes: list[Mesh] = []
+    for signal in head.lens_heights_m:
+        shape = _build_disc() if governs == "vehicles" else _build_figure(signal)
+        vertices = head.lens_radius_m * shape.vertices + signal_lens_position(governs, signal)
+        colour = signal.name.lower()
+        lens = TriangleSurface(vertices, shape.triangles)
+        meshes.append(lens.to_mesh(f"lens_{colour}", f"signal_{colour}", Semantic.TRAFFIC_LIGHT))
+    return tuple(meshes)
+
+
+def _build_disc() -> TriangleSurface:
     turn = np.arange(LENS_CORNERS) / LENS_CORNERS * 2.0 * np.pi
-    disc = LENS_RADIUS_M * np.stack([np.zeros_like(turn), np.cos(turn), np.sin(turn)], axis=1)
     corners = np.arange(1, LENS_CORNERS - 1)
-    fan = np.stack([np.zeros_like(corners), corners, corners + 1], axis=1).astype(np.int32)
-    return tuple(
-        Mesh(
-            name=f"lens_{signal.name.lower()}",
-            vertices=np.add(disc, signal_lens_position(signal), dtype=np.float32),
-            triangles=fan,
-            material=f"signal_{signal.name.lower()}",
-            semantic=Semantic.TRAFFIC_LIGHT,
-        )
-        for signal in Signal
+    fan = np.stack([np.zeros_like(corners), corners, corners + 1], axis=1)
+    return TriangleSurface(np.column_stack([np.zeros_like(turn), np.cos(turn), np.sin(turn)]), fan)
+
+
+def _build_figure(signal: Signal) -> TriangleSurface:
+    """Build the figure of a pedestrian's signal in a disc of radius 1: it stands, or walks."""
+    limbs = _STANDING_LIMBS if signal is Signal.RED else _WALKING_LIMBS
+    parts = [shapely.LineString(line).buffer(radius, quad_segs=2) for line, radius in limbs]
+    parts.append(shapely.Point(0.0, 0.72).buffer(0.18, quad_segs=3))
+    pieces = [triangulate_polygon(part) for part in extract_polygons(shapely.union_all(parts))]
+    return join_surfaces(
+        TriangleSurface(np.column_stack([np.zeros(len(corners)), corners]), triangles)
+        for corners, triangles in pieces
     )

@@ -10,6 +10,7 @@ from advercity.frames import ActorState, Frame, Lamp, Signal
 from advercity.geometry.poses import transform_points
 from advercity.physics.lamp_beams import LampPattern, LightSource
 from advercity.physics.photometry import HALOGEN_COLOUR, LED_COLOUR, Colour
+from advercity.signal_heads import SIGNAL_HEADS, GovernedTraffic
 from advercity.world import SignalLamp, StreetLamp, World
 
 RED_LAMP_COLOUR: Colour = (4.60, 0.03, 0.0)
@@ -27,7 +28,9 @@ LOW_BEAM_CD: dict[ActorClass, float] = {
     "bicycle": 1e3,
 }
 """Peak intensity of a vehicle's low beams together (UN R112 class B, R113)."""
-BRAKE_CD, TAIL_CD, SIGNAL_CD = 300.0, 16.0, 400.0
+BRAKE_CD, TAIL_CD = 300.0, 16.0
+SIGNAL_CD: dict[GovernedTraffic, float] = {"vehicles": 400.0, "pedestrians": 48.0}
+"""Intensity of a signal; a pedestrian's has the same luminance, on the area of a figure."""
 REAR_FOG_CD, FRONT_INDICATOR_CD, REAR_INDICATOR_CD = 200.0, 300.0, 200.0
 """Rear fog lamps together, indicators each (UN R148 allows 150-300, 175-1000 and 50-500)."""
 FRONT_FOG_CD = 8e3
@@ -41,7 +44,6 @@ LAMP_HEIGHT_M, LAMP_BODY_CLEARANCE_M = 0.65, 0.1
 """The clearance keeps a lamp's own body out of its light."""
 MAX_OCCLUDER_GAP_M, LIT_BEHIND_OCCLUDER_M = 12.0, 6.0
 """Gap within which a vehicle ahead hides a beam, and length of the light beyond its rear."""
-SIGNAL_LENS_SPACING_M = 0.31
 SIGNAL_LENS_OFFSET_M = 0.02
 """Forward offset of the lens in the mesh of a signal."""
 
@@ -51,7 +53,11 @@ def list_light_sources(world: World, frame: Frame) -> list[LightSource]:
     beams = zip(frame.states, unobstructed_distance_m(frame.states), strict=True)
     return [
         *(_build_street_light(lamp) for lamp in world.street_lamps),
-        *(_build_signal_light(lamp, frame.signals[lamp.id]) for lamp in world.signal_lamps),
+        *(
+            _build_signal_light(lamp, frame.signals[lamp.id])
+            for lamp in world.signal_lamps
+            if frame.signals[lamp.id] in SIGNAL_HEADS[lamp.governs].lens_heights_m
+        ),
         *(lamp for state, free_m in beams for lamp in _iterate_vehicle_lights(state, free_m)),
     ]
 
@@ -65,10 +71,11 @@ def _build_street_light(lamp: StreetLamp) -> LightSource:
 
 def _build_signal_light(lamp: SignalLamp, shown: Signal) -> LightSource:
     facing = (*lamp.facing, 0.0)
-    ahead, _, up = signal_lens_position(shown)
+    ahead, _, up = signal_lens_position(lamp.governs, shown)
     position = np.add(lamp.position, np.multiply(facing, ahead + LAMP_BODY_CLEARANCE_M))
     position[2] += up
-    return LightSource(LampPattern.LENS, tuple(position), facing, SIGNAL_CD, SIGNAL_COLOURS[shown])
+    cd = SIGNAL_CD[lamp.governs]
+    return LightSource(LampPattern.LENS, tuple(position), facing, cd, SIGNAL_COLOURS[shown])
 
 
 def unobstructed_distance_m(states: Sequence[ActorState]) -> NDArray[np.float64]:
@@ -131,6 +138,6 @@ def _iterate_indicator_lights(state: ActorState, half_length_m: float) -> Iterat
                 yield LightSource(lens, position, tuple(facing), cd, AMBER_LAMP_COLOUR)
 
 
-def signal_lens_position(signal: Signal) -> tuple[float, float, float]:
+def signal_lens_position(governs: GovernedTraffic, signal: Signal) -> tuple[float, float, float]:
     """Compute the position of a signal's lens in the frame of its `SignalLamp`, metres."""
-    return SIGNAL_LENS_OFFSET_M, 0.0, SIGNAL_LENS_SPACING_M * (Signal.YELLOW - signal)
+    return SIGNAL_LENS_OFFSET_M, 0.0, SIGNAL_HEADS[governs].lens_heights_m[signal]

@@ -25,6 +25,7 @@ class ImportedNetwork:
         edges: Edges between junctions by id.
         internal_edges: Edges inside junctions that vehicles drive on.
         crossings: Edges on which pedestrians cross.
+        governed_crossings: Those that lights govern, by the id of the signal.
         walking_areas: Edges on which pedestrians walk from sidewalk to crossing.
         junctions: Junctions by id.
         lane_links: Connections from street to street.
@@ -34,6 +35,7 @@ class ImportedNetwork:
     edges: dict[str, SumoEdge]
     internal_edges: tuple[SumoEdge, ...]
     crossings: tuple[SumoEdge, ...]
+    governed_crossings: dict[str, SumoEdge]
     walking_areas: tuple[SumoEdge, ...]
     junctions: dict[str, SumoJunction]
     lane_links: tuple[LaneConnection, ...]
@@ -52,6 +54,9 @@ class ImportedNetwork:
             edges=streets,
             internal_edges=tuple(groups.get("internal", ())),
             crossings=tuple(groups.get("crossing", ())),
+            governed_crossings={
+                name: crossing for name, crossing, _ in network.list_crossing_signals()
+            },
             walking_areas=tuple(groups.get("walkingarea", ())),
             junctions={item.id: item for item in network.junctions if item.type != "internal"},
             lane_links=tuple(

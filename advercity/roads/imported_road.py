@@ -29,6 +29,7 @@ from advercity.roads.imported_surface import ImportedSurface
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.markings import PAINT_KINDS, WHITE, YELLOW
 from advercity.roads.network_file import SumoEdge, SumoLane, parse_packed_network
+from advercity.roads.pedestrian_lights import place_pedestrian_lights
 from advercity.roads.signals import TrafficLight, TrafficSign
 from advercity.roads.streets import StreetLayout, approach_name
 
@@ -129,6 +130,18 @@ def place_traffic_lights(net: ImportedNetwork, surface: ImportedSurface) -> Iter
         edge = net.edges[name]
         if edge.driving_lanes:
             yield _place_traffic_light(f"{light}/{approach_name(name)}", edge, surface)
+
+
+def _place_crossing_lights(
+    net: ImportedNetwork, surface: ImportedSurface
+) -> Iterator[TrafficLight]:
+    """Place heads for pedestrians, but none in the middle of a roadway."""
+    for name, crossing in net.governed_crossings.items():
+        middle = net.junctions[crossing.junction].outline[:, :2].mean(axis=0)
+        for lane in crossing.lanes:
+            for head in place_pedestrian_lights(name, lane.centre, lane.width_m, middle):
+                if not surface.roadway_area.contains(shapely.Point(head.mast_foot_m)):
+                    yield head
 
 
 def _place_traffic_light(name: str, edge: SumoEdge, surface: ImportedSurface) -> TrafficLight:
@@ -269,8 +282,11 @@ class ImportedRoadNetwork:
 
     @cached_property
     def traffic_lights(self) -> tuple[TrafficLight, ...]:
-        """Heads of all governed approaches."""
-        return tuple(place_traffic_lights(self._net, self._surface))
+        """Heads of all governed approaches and crossings."""
+        return (
+            *place_traffic_lights(self._net, self._surface),
+            *_place_crossing_lights(self._net, self._surface),
+        )
 
     @property
     def traffic_signs(self) -> tuple[TrafficSign, ...]:

@@ -128,6 +128,8 @@ class SumoEdge:
     from_junction: str
     to_junction: str
     lanes: tuple[SumoLane, ...]
+    crossed_edges: tuple[str, ...] = ()
+    """Edges that a crossing leads over."""
 
     @property
     def junction(self) -> str:
@@ -248,6 +250,14 @@ class SumoNetwork:
         """Lanes of all edges."""
         return (lane for edge in self.edges for lane in edge.lanes)
 
+    def list_crossing_signals(self) -> Iterator[tuple[str, SumoEdge, LaneConnection]]:
+        """List the crossings that lights govern: id of the signal, the crossing, a link onto it."""
+        crossings = {edge.id: edge for edge in self.edges if edge.function == "crossing"}
+        for link in self.connections:
+            crossing = crossings.get(link.to_edge)
+            if crossing is not None and link.traffic_light:
+                yield f"{link.traffic_light}/{_name_crossing(crossing)}", crossing, link
+
 
 def read_network(path: Path) -> SumoNetwork:
     """Read a network that our own netconvert has written; RunError if it is none."""
@@ -286,11 +296,13 @@ def parse_network(root: Element) -> SumoNetwork:
 def read_signal_groups(path: Path) -> dict[str, list[tuple[str, int]]]:
     """Read which movements show the light of each approach, which is a street or imported edge.
 
-    By `<light>/<approach>`: traffic light and index into its state of its vehicles, sorted.
+    By `<light>/<approach>`, then by `<light>/<street>/crossing`, or the id of an imported crossing,
+    for pedestrians: traffic light and indices into its state, sorted.
     """
+    network = read_network(path)
     governed = [
         link
-        for link in read_network(path).connections
+        for link in network.connections
         if link.traffic_light and not (link.from_edge[0] == ":" or link.to_edge[0] == ":")
     ]
     groups: dict[str, list[tuple[str, int]]] = {}
@@ -300,7 +312,15 @@ def read_signal_groups(path: Path) -> dict[str, list[tuple[str, int]]]:
             if link.traffic_light == light:
                 name = f"{light}/{approach_name(link.from_edge)}"
                 groups.setdefault(name, []).append((light, link.link_index))
-    return {name: sorted(links) for name, links in groups.items()}
+    for name, _, link in network.list_crossing_signals():
+        groups.setdefault(name, []).append((link.traffic_light, link.link_index))
+    return {name: sorted({*links}) for name, links in groups.items()}
+
+
+def _name_crossing(crossing: SumoEdge) -> str:
+    first = next(iter(crossing.crossed_edges), "")
+    street = approach_name(first)
+    return crossing.id if street == first else f"{street}/crossing"
 
 
 def _parse_edge(item: Element) -> SumoEdge:
@@ -309,7 +329,10 @@ def _parse_edge(item: Element) -> SumoEdge:
         (_parse_lane(lane, name, function) for lane in item.iter("lane")),
         key=lambda lane: lane.index,
     )
-    return SumoEdge(name, function, item.get("from", ""), item.get("to", ""), tuple(lanes))
+    ends = item.get("from", ""), item.get("to", "")
+    return SumoEdge(
+        name, function, *ends, tuple(lanes), tuple(item.get("crossingEdges", "").split())
+    )
 
 
 def _parse_lane(item: Element, edge: str, function: str) -> SumoLane:

@@ -17,6 +17,7 @@ from advercity.roads import lane_segments
 from advercity.roads.imported_road import ImportedRoadNetwork
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.layout import RoadLayout, lay_out_road
+from advercity.roads.pedestrian_lights import place_pedestrian_lights
 from advercity.roads.road_meshes import KERB_HEIGHT_M, build_road_meshes, is_asphalt
 from advercity.roads.signals import TrafficLight, TrafficSign
 from advercity.roads.streets import StreetLayout, StripLayout
@@ -70,7 +71,7 @@ class RoadNetwork(Protocol):
 
     @cached_property
     def traffic_lights(self) -> tuple[TrafficLight, ...]:
-        """Signal heads of all approaches."""
+        """Signal heads of all approaches and crossings."""
         ...
 
     @property
@@ -134,7 +135,7 @@ class AuthoredRoadNetwork:
 
     @cached_property
     def traffic_lights(self) -> tuple[TrafficLight, ...]:
-        """Signal heads, as declared."""
+        """Signal heads, as declared, and those of the crossings."""
         found: list[TrafficLight] = []
         for junction in self._layout.junctions.values():
             signals = junction.declared.signals
@@ -142,6 +143,13 @@ class AuthoredRoadNetwork:
                 x, y = junction.find_arm(head.street).outward_direction
                 name = f"{junction.id}/{head.street}"
                 found.append(TrafficLight(name, head.at_m, head.pole_m, (float(x), float(y))))
+            if signals:
+                middle = junction.roadway_outline[:, :2].mean(axis=0)
+                for crossing in junction.crossings:
+                    name = f"{junction.id}/{crossing.street}/crossing"
+                    found += place_pedestrian_lights(
+                        name, crossing.centre, crossing.width_m, middle
+                    )
         return tuple(found)
 
     @property

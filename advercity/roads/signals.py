@@ -12,6 +12,7 @@ from advercity_dsl.road import Signals
 from advercity_dsl.units import Point2, Point3
 
 from advercity.roads.layout import JunctionLayout
+from advercity.signal_heads import GovernedTraffic
 
 
 def build_signal_phases(junction: JunctionLayout, declared: Signals) -> list[tuple[float, str]]:
@@ -83,15 +84,16 @@ def _concurrent_approach(junction: JunctionLayout, street: str) -> str | None:
 
 @dataclass(frozen=True)
 class TrafficLight:
-    """A signal head over the road, on a mast."""
+    """A signal head over the road on a mast, or beside a crossing on a post."""
 
     id: str
-    """`<light>/<approach>`, as in `read_signal_groups`."""
+    """`<light>/<approach>`, as in `read_signal_groups`; both heads of a crossing have its id."""
     position_m: Point3
-    """Where the head is attached to its arm."""
+    """Where the head is attached: to the arm of a mast, or to the top of a post."""
     mast_foot_m: Point2
     facing: tuple[float, float]
     """Unit vector (x, y) towards the traffic that it governs."""
+    governs: GovernedTraffic = "vehicles"
 
 
 @dataclass(frozen=True)

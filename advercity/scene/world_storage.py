@@ -46,7 +46,9 @@ def save_world(world: World, path: Path) -> None:
         "meshes": [_encode_mesh(mesh) for mesh in world.static],
         "lanes": [(lane.id, lane.kind, lane.in_junction) for lane in world.lanes],
         "street_lamps": [(lamp.position, lamp.flux_lm) for lamp in world.street_lamps],
-        "signal_lamps": [(lamp.id, lamp.position, lamp.facing) for lamp in world.signal_lamps],
+        "signal_lamps": [
+            (lamp.id, lamp.position, lamp.facing, lamp.governs) for lamp in world.signal_lamps
+        ],
     }
     borders = [border for lane in world.lanes for border in (lane.left, lane.right)]
     _save(path, record, {**_list_mesh_arrays(world.static), "lane_borders": borders})
@@ -121,8 +123,8 @@ def _decode_world(record: Any, arrays: Mapping[str, Iterator[Any]], network: Pat
         network=network,
         street_lamps=tuple(StreetLamp(tuple(at), flux) for at, flux in record["street_lamps"]),
         signal_lamps=tuple(
-            SignalLamp(name, tuple(at), tuple(facing))
-            for name, at, facing in record["signal_lamps"]
+            SignalLamp(name, tuple(at), tuple(facing), governs)
+            for name, at, facing, governs in record["signal_lamps"]
         ),
     )
 

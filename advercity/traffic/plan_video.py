@@ -49,13 +49,14 @@ def draw_traffic_pictures(spec: Spec, trace: Trace) -> Iterator[Uint8Array]:
     rows = np.concatenate([track.rows for track in tracks])
     corners = np.concatenate([track.corners for track in tracks])
     colours = _choose_colours(spec, trace)
-    lamps = {head.id: head.position_m[:2] for head in road.traffic_lights}
+    heads = road.traffic_lights
     texts = _format_conflict_states(spec, trace)
     for tick in range(len(trace)):
         canvas.image = empty.copy()
-        for name, value in trace.build_frame(tick).signals.items():
-            if name in lamps:
-                canvas.fill(_build_square(lamps[name]), SIGNAL_COLOURS[value])
+        shown = trace.build_frame(tick).signals
+        for head in heads:
+            if head.id in shown:
+                canvas.fill(_build_square(head.position_m[:2]), SIGNAL_COLOURS[shown[head.id]])
         for row in np.flatnonzero(rows["tick"] == tick):
             canvas.fill(corners[row], colours[int(rows["actor"][row])])
             canvas.line(corners[row][[0, 1, 2, 3, 0]], INK_COLOUR)

@@ -13,6 +13,7 @@ from advercity.exports.exporting import export_dataset
 from advercity.exports.openscenario import load_dataset_traffic
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.preparation import load_or_simulate_traffic
+from advercity.roads.road_network import build_road
 from tests.exports.readers import needs_readers, run_reader
 from tests.exports.recorded_dataset import FIRST_FRAME, FRAMES
 from tests.exports.recorded_dataset import recorded_dataset as recorded_dataset  # a fixture
@@ -112,5 +113,6 @@ def test_bulbs_are_lit_by_what_the_lights_show(specs: dict[str, Spec]) -> None:
         for light in builder.build_truth(20).traffic_light
         if light.classification.mode == 3  # constant
     ]
-    assert sorted(lit) == sorted(int(signal) for signal in frame.signals.values())
-    assert len(lit) == len(trace.signal_ids)
+    heads = build_road(spec.road).traffic_lights
+    assert sorted(lit) == sorted(int(frame.signals[head.id]) for head in heads)
+    assert {head.id for head in heads} == set(trace.signal_ids)

@@ -7,12 +7,24 @@ import numpy as np
 import pytest
 from advercity_dsl.weather_components import Lamps
 
-from advercity.frames import Actor, ActorState, Frame, Lamp
+from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
 from advercity.geometry import poses
+from advercity.materials import MATERIALS
 from advercity.physics.lamp_beams import LampPattern, LightSource, intensity_towards
-from advercity.rendering.light_sources import AMBER_LAMP_COLOUR, RED_LAMP_COLOUR, list_light_sources
+from advercity.rendering.lamp_lenses import (
+    LENS_KINDS,
+    build_signal_lenses,
+    compute_lens_luminances,
+)
+from advercity.rendering.light_sources import (
+    AMBER_LAMP_COLOUR,
+    RED_LAMP_COLOUR,
+    SIGNAL_COLOURS,
+    list_light_sources,
+)
+from advercity.signal_heads import GovernedTraffic
 from advercity.traffic.weather_effects import apply_lamp_state
-from advercity.world import World
+from advercity.world import SignalLamp, World
 from tests.shipped import CATALOGUE, ShippedBodies
 
 CAR = Actor(101, "car", "lincoln_mkz_2017", "car_paint_blue", (4.9, 2.1, 1.5))
@@ -137,3 +149,35 @@ def test_every_motor_vehicle_has_an_indicator_at_each_corner(name: str):
         assert points[:, 0].max() > 0.2 * made.size[0]
         assert points[:, 0].min() < -0.2 * made.size[0]
         assert (np.abs(points) <= np.array(made.size) * (0.5, 0.5, 1) + 0.03).all()
+
+
+@pytest.mark.parametrize("governs", ["vehicles", "pedestrians"])
+@pytest.mark.parametrize("shown", [Signal.RED, Signal.GREEN])
+def test_a_signal_shines_from_its_lens_as_much_as_the_lens_is_bright(
+    governs: GovernedTraffic, shown: Signal
+):
+    world = replace(EMPTY, signal_lamps=(SignalLamp("j/a", (5.0, 0.0, 3.0), (-1.0, 0.0), governs),))
+
+    (light,) = list_light_sources(world, Frame(0, 0.0, (), {"j/a": shown}))
+
+    lens = next(
+        mesh
+        for mesh in build_signal_lenses(governs)
+        if mesh.material == f"signal_{shown.name.lower()}"
+    )
+    a, b, c = (lens.vertices[lens.triangles[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a) / 2
+    kind = LENS_KINDS[lens.material]
+    albedo = np.dot(MATERIALS[lens.material].albedo, (0.2126, 0.7152, 0.0722))
+    luminance_cd_m2 = 1e3 * compute_lens_luminances(Lamp(0), shown)[kind] * albedo
+    assert normals.sum(axis=0)[1:] == pytest.approx([0, 0], abs=1e-6)
+    assert normals.sum() * luminance_cd_m2 == pytest.approx(light.intensity_cd, rel=0.1)
+    assert light.colour == SIGNAL_COLOURS[shown]
+    assert light.position[2] == pytest.approx(3.0 + lens.vertices[:, 2].mean(), abs=0.03)
+
+
+def test_a_head_without_a_yellow_lens_shows_nothing_for_yellow():
+    lamp = SignalLamp("j/a", (5.0, 0.0, 3.0), (-1.0, 0.0), "pedestrians")
+    world = replace(EMPTY, signal_lamps=(lamp,))
+
+    assert list_light_sources(world, Frame(0, 0.0, (), {"j/a": Signal.YELLOW})) == []

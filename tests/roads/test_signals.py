@@ -5,10 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 import yaml
 from advercity_dsl import Road
 
 from advercity.roads.network_file import read_signal_groups
+from advercity.roads.road_network import build_road
+from advercity.roads.signals import TrafficLight
 
 NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
 pytestmark = pytest.mark.sumo
@@ -19,13 +22,19 @@ def test_every_approach_of_a_signal_has_its_links(
     files: dict[str, Path], roads: dict[str, Road], name: str
 ) -> None:
     groups = read_signal_groups(files[name])
-    declared = {
+    governed = {key: item for key, item in roads[name].junctions.items() if item.signals}
+    approaches = {
         f"{junction}/{head.street}"
-        for junction, item in roads[name].junctions.items()
+        for junction, item in governed.items()
         if item.signals
         for head in item.signals.heads
     }
-    assert set(groups) == declared
+    crossings = {
+        f"{junction}/{crossing.street}/crossing"
+        for junction, item in governed.items()
+        for crossing in item.crossings
+    }
+    assert set(groups) == approaches | crossings
     links = [link for group in groups.values() for link in group]
     assert len(links) == len(set(links))
 
@@ -106,6 +115,32 @@ def test_crossings_are_green_only_with_the_approach_that_turns_right_into_them(
         }
         for street, light in zip(crossings, phase.state[len(movements) :], strict=True):
             assert (light == "G") == (right_turn_into[street] in green)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_crossings_with_signals_have_heads_at_both_kerbs_that_face_each_other(
+    files: dict[str, Path], roads: dict[str, Road], name: str
+) -> None:
+    road = build_road(roads[name])
+    heads: dict[str, list[TrafficLight]] = {}
+    for head in road.traffic_lights:
+        if head.governs == "pedestrians":
+            heads.setdefault(head.id, []).append(head)
+    lines = {
+        f"{lane.id}/crossing": (lane.left + lane.right)[:, :2] / 2
+        for lane in road.lanes
+        if lane.kind == "crossing"
+    }
+
+    assert set(heads) == {key for key in read_signal_groups(files[name]) if "crossing" in key}
+    for key, pair in heads.items():
+        along = lines[key][1] - lines[key][0]
+        width = np.linalg.norm(along)
+        first, second = pair
+        for head, other in ((first, second), (second, first)):
+            towards = np.subtract(other.mast_foot_m, head.mast_foot_m)
+            assert np.dot(head.facing, towards) == pytest.approx(width + 1.2)
+            assert not road.roadway_level_area.contains(shapely.Point(head.mast_foot_m))
 
 
 def test_left_turns_give_way_to_oncoming_traffic_that_has_green_together(

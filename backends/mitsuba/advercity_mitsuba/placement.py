@@ -12,6 +12,7 @@ from advercity.frames import ActorState, Frame, Lamp
 from advercity.geometry.mesh import Mesh, Wheel
 from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.rendering.lamp_lenses import build_signal_lenses, compute_lens_luminances
+from advercity.signal_heads import SIGNAL_HEADS
 from advercity.world import World
 from advercity_mitsuba.geometry import GeometryStore, RegisteredBody
 from advercity_mitsuba.surfaces import get_paint_row
@@ -62,7 +63,11 @@ class FramePlacer:
     def __init__(self, world: World, store: GeometryStore) -> None:
         self._world, self._store = world, store
         self._static = store.add(world.static, is_static=True) if world.static else None
-        self._lenses = store.add(build_signal_lenses()) if world.signal_lamps else None
+        self._lenses = {
+            governs: store.add(build_signal_lenses(governs))
+            for governs in SIGNAL_HEADS
+            if any(lamp.governs == governs for lamp in world.signal_lamps)
+        }
         self._bodies: dict[BodyShape, dict[Wheel | None, RegisteredBody]] = {}
 
     def place(self, frame: Frame, *, night: bool) -> PlacedFrame:
@@ -91,11 +96,10 @@ class FramePlacer:
             lit = compute_lens_luminances(Lamp.LOW_BEAM if night else Lamp(0))
             found.append(_Instance(self._static, np.eye(4), 0, 0, lit))
         for lamp in self._world.signal_lamps:
-            assert self._lenses is not None
             yaw = float(np.arctan2(lamp.facing[1], lamp.facing[0]))
             lit = compute_lens_luminances(Lamp(0), frame.signals[lamp.id])
             pose = pose_matrix(lamp.position, yaw=yaw)
-            found.append(_Instance(self._lenses, pose, 0, 0, lit))
+            found.append(_Instance(self._lenses[lamp.governs], pose, 0, 0, lit))
         return found
 
     def _list_actor(self, state: ActorState) -> list[_Instance]:

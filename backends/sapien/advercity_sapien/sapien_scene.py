@@ -191,7 +191,7 @@ class SapienScene:
                 levels = build_levels(tile) if has_distant_pieces else [(tile, ANY_PIXEL)]
                 for level, pixel_m in levels:
                     self._add_static(number, level, lit, pixel_m)
-        self._signals = {lamp.id: self._add_signal(lamp) for lamp in world.signal_lamps}
+        self._signals = [(lamp.id, self._add_signal(lamp)) for lamp in world.signal_lamps]
 
     def place_actors(self, frame: Frame) -> None:
         """Move every actor to its pose in `frame`, and switch lamps and signals."""
@@ -211,7 +211,7 @@ class SapienScene:
             self._move_bodies(bodies, state, world_from_mesh)
             for body in bodies.values():
                 self._bindings.set_lit_lamps(body, int(state.lamps))
-        for name, body in self._signals.items():
+        for name, body in self._signals:
             self._bindings.set_lit_lamps(body, FIRST_SIGNAL_BIT << frame.signals[name])
 
     @contextmanager
@@ -285,7 +285,7 @@ class SapienScene:
         return body
 
     def _add_signal(self, lamp: SignalLamp) -> RenderBody:
-        meshes = build_signal_lenses()
+        meshes = build_signal_lenses(lamp.governs)
         body = self._add(meshes)
         self._label_shapes(body, meshes, 0)
         yaw = float(np.arctan2(lamp.facing[1], lamp.facing[0]))
