@@ -98,9 +98,9 @@ def test_a_pedestrian_throws_shadows_on_the_wall_behind(
     for lamp_y in (LAMP_Y, -LAMP_Y):
         # By similar triangles.
         y = lamp_y + (PEDESTRIAN_AT[1] - lamp_y) * (20.0 - LAMP_X) / (PEDESTRIAN_AT[0] - LAMP_X)
-        # The shadow is 13 pixels wide; one pixel of the traced image is 6 % of noise.
+        # Of two lamps one is left. The shadow is 13 pixels wide; a traced one has 6 % of noise.
         middle = round(80 - 10 * y)
-        assert left_of_light[middle - 2 : middle + 3].mean() < 0.62
+        assert left_of_light[middle - 2 : middle + 3].mean() < 0.7
     assert left_of_light[80:100] == pytest.approx(1.0, abs=0.02)
 
 
