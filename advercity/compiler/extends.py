@@ -107,9 +107,9 @@ def _resolve_chain(
         inherited = {key: value for key, value in parent.data.items() if key not in NEVER_INHERITED}
         # Before merging, since the last parent would win silently.
         _check_agreement(document, merged, inherited, own)
-        merged = _merge_mappings(merged, inherited)
+        merged = merge_mappings(merged, inherited)
         origins |= {path: parent.find_document(path) for path, _ in iterate_values(inherited)}
-    return ResolvedDeclaration(_merge_mappings(merged, own), document, origins)
+    return ResolvedDeclaration(merge_mappings(merged, own), document, origins)
 
 
 def _find_parents(
@@ -176,12 +176,13 @@ def _find_disagreement(
     return None
 
 
-def _merge_mappings(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str, Any]:
+def merge_mappings(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str, Any]:
+    """Merge a mapping into another one, as `extends` does."""
     result = dict(base)
     for key, value in override.items():
         old = result.get(key)
         if isinstance(old, dict) and isinstance(value, dict):
-            result[key] = _merge_mappings(cast(dict[str, Any], old), cast(dict[str, Any], value))
+            result[key] = merge_mappings(cast(dict[str, Any], old), cast(dict[str, Any], value))
         elif isinstance(old, dict) and value is None:
             # Only components are removed: for a scalar, null is a value of its own.
             del result[key]

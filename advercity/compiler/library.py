@@ -15,6 +15,7 @@ from advercity_dsl import (
     Catalogue,
     Declaration,
     MapFile,
+    Rig,
     Road,
     TrajectoryFile,
     Typology,
@@ -33,6 +34,7 @@ from advercity.compiler.extends import (
     ResolvedDeclaration,
     resolve_extends,
 )
+from advercity.compiler.lidar_models import apply_lidar_models, names_lidar_model
 from advercity.compiler.map_surroundings import read_surroundings
 from advercity.compiler.shipped_library import (
     EXAMPLES_FOLDER,
@@ -172,7 +174,7 @@ def load_library(*folders: Path) -> Library:
 
 
 def load_declaration(path: Path) -> LibraryEntry[Declaration]:
-    """Load the declaration of a file, which may extend its neighbours and the shipped library.
+    """Load the declaration of a file, which may build on its neighbours and the shipped library.
 
     Raises:
         DiagnosticsError: With the errors of the file.
@@ -183,7 +185,8 @@ def load_declaration(path: Path) -> LibraryEntry[Declaration]:
     if diagnostics:
         raise DiagnosticsError(*diagnostics)
     (name,) = documents
-    if isinstance(document.data, dict) and "extends" in document.data:
+    data: Any = document.data
+    if "extends" in data or names_lidar_model(data):
         # Errors in other files matter only if they hide the parent, which is then unknown.
         ignored: list[Diagnostic] = []
         neighbours = (other for other in sorted(path.parent.glob("*.yaml")) if other != path)
@@ -342,6 +345,8 @@ def _build_entries(name: DeclarationKey, documents: Documents) -> list[LibraryEn
     model = DECLARATIONS[name[0]]
     if model is Weather:
         return [_build_weather_entry(source)]
+    if model is Rig:
+        source = apply_lidar_models(source, documents)
     declaration = validate_model(model, source, previous=source.document.diagnostics)
     if isinstance(declaration, Road):
         roads, left_out = _complete_road(declaration, source)

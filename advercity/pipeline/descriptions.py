@@ -10,6 +10,7 @@ from advercity_dsl import (
     Channel,
     Declaration,
     DriverResponse,
+    Lidar,
     Road,
     Spec,
     StagedConflict,
@@ -35,7 +36,7 @@ from advercity.physics.weather_text import format_weather
 from advercity.recordings.track_file import unpack_tracks
 from advercity.roads.junction_arms import JunctionArms
 from advercity.roads.routes import RoutePlanner
-from advercity.sensors.lidar.received_power import detection_range_m
+from advercity.sensors.lidar.received_power import Receiver
 
 ICE_DENSITY = 0.917
 """Of clear ice, relative to water."""
@@ -122,7 +123,8 @@ def describe_declaration(entry: LibraryEntry[Declaration]) -> Description:
 def describe_weather(weather: Weather) -> Description:
     """Describe a weather and what follows from its values."""
     air = compute_extinction(weather)
-    ranges_m = [detection_range_m(target, air.at_905nm) for target in TARGET_REFLECTANCES]
+    receiver = Receiver.from_lidar(Lidar())
+    ranges_m = [receiver.detection_range_m(item, air.at_905nm) for item in TARGET_REFLECTANCES]
     facts = {
         "weather": _format_title(weather),
         "summary": format_weather(weather),

@@ -55,6 +55,6 @@ class ConditionsByFrame:
         return FrameConditions(
             atmosphere=atmosphere,
             camera=self._camera,
-            lidar=derive_lidar_conditions(atmosphere, lens),
+            lidar=derive_lidar_conditions(atmosphere, lens, weather.fog),
             radar=derive_radar_conditions(atmosphere, lens, weather.fog),
         )

@@ -179,6 +179,7 @@ class SensorRig:
             if previous is None
             else self._poses.world_from_lidars(agent, previous)[index],
             puddle_coverage=self._conditions.lidar.puddle_coverage,
+            index=frame.index,
         )
 
     def _scan_radars(

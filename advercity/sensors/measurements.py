@@ -56,6 +56,8 @@ class PointKind(IntEnum):
     HAIL = 7
     NOISE = 8
     """Noise of a radar's receiver that passed for a target."""
+    STRAY = 9
+    """Light of a bright target in a LiDAR's beam beside it: blooming."""
 
 
 PARTICLE_POINT_KIND = {

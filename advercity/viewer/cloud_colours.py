@@ -24,6 +24,7 @@ KIND_COLOURS = {
     PointKind.SPRAY: (90, 230, 210),
     PointKind.GHOST: (255, 80, 200),
     PointKind.NOISE: (110, 110, 70),
+    PointKind.STRAY: (255, 140, 60),
 }
 _KIND_COLOUR_TABLE = np.array([KIND_COLOURS[kind] for kind in PointKind], np.uint8)
 

@@ -14,7 +14,9 @@ from advercity_dsl.catalogue import (
 from advercity_dsl.channel import Channel
 from advercity_dsl.conflict import Conflict, OutcomeCriteria, StagedActor, StagedConflict
 from advercity_dsl.inertial import Imu
-from advercity_dsl.rig import Camera, Exposure, Gnss, Lidar, Mount, Radar, Rig, SensorSet
+from advercity_dsl.lidar import Lidar, LidarModel
+from advercity_dsl.mount import Mount
+from advercity_dsl.rig import Camera, Exposure, Gnss, Radar, Rig, SensorSet
 from advercity_dsl.road import (
     MapFile,
     MapNetwork,
@@ -45,6 +47,7 @@ DECLARATIONS: dict[str, type[Declaration]] = {
     "density": Density,
     "drivers": Drivers,
     "rig": Rig,
+    "lidar_model": LidarModel,
     "channel": Channel,
     "catalogue": Catalogue,
     "suite": Suite,
@@ -81,6 +84,7 @@ __all__ = [
     "Imu",
     "LampPositions",
     "Lidar",
+    "LidarModel",
     "MapFile",
     "MapNetwork",
     "Model",

@@ -21,6 +21,8 @@ from advercity_dsl.base import (
 )
 from advercity_dsl.inertial import Imu
 from advercity_dsl.lens import MAX_RENDERED_PX, CameraLens, find_edge_angle
+from advercity_dsl.lidar import Lidar
+from advercity_dsl.mount import Mount
 from advercity_dsl.units import (
     Count,
     DecibelMilliwatts,
@@ -36,30 +38,6 @@ from advercity_dsl.units import (
     RangeReason,
     Seconds,
 )
-
-MountOffset = Annotated[
-    Metres, Field(ge=-100, le=100), RangeReason("a sensor is on its carrier, within 100 m")
-]
-Elevation = Annotated[
-    Degrees, Field(ge=-90, le=90), RangeReason("90 deg is straight up, -90 deg straight down")
-]
-
-
-class Mount(CompactModel):
-    """Pose of a sensor on its carrier."""
-
-    x_m: MountOffset = 0
-    """Forward of the origin."""
-    y_m: MountOffset = 0
-    """Left of the origin."""
-    z_m: MountOffset = 0
-    """Above the ground."""
-    yaw_deg: Degrees = 0
-    """Positive turns left."""
-    pitch_deg: Degrees = 0
-    """Positive looks down."""
-    roll_deg: Degrees = 0
-    """Positive lowers the right side."""
 
 
 class Exposure(CompactModel):
@@ -140,65 +118,6 @@ class Camera(CompactModel):
         if self.lens is None:
             return math.atan(corner_ratio * math.tan(half_rad))
         return find_edge_angle(self.lens, half_rad, corner_ratio)
-
-
-class Lidar(CompactModel):
-    """A spinning LiDAR with ten scans a second, each starting straight ahead and turning left.
-
-    The defaults are those of the original dataset: an ideal instrument that scans in an instant,
-    but through the weather.
-    """
-
-    mount: Mount = Mount()
-    """Pose on the carrier."""
-    channel_table: Literal["uniform", "hdl_32e", "vlp_32c"] = "uniform"
-    """Elevations of the channels: uniform from `lower_deg` to `upper_deg`, or of a real sensor."""
-    channels: Annotated[Count, Field(ge=1, le=256)] = 32
-    """Number of channels."""
-    lower_deg: Elevation = -25
-    """Elevation of the lowest beam."""
-    upper_deg: Elevation = 15
-    """Elevation of the highest beam."""
-    azimuths: Annotated[Count, Field(ge=16, le=36_000)] = 3750
-    """Beams per channel in one scan."""
-    range_m: Annotated[PositiveMetres, Field(ge=1, le=1000)] = 200
-    """Maximum range."""
-    sub_rays: Literal[1, 7] = 1
-    """Rays per beam; with 7, a beam can hit two surfaces at an edge."""
-    motion_distortion: Flag = False
-    """Whether the scan takes one tick while everything moves, instead of an instant."""
-    echoes: Literal["strongest", "last", "dual"] = "strongest"
-    """Which returns of a beam are reported; dual is both."""
-    detection: Literal["noisy", "step"] = "noisy"
-    """Whether noise of the receiver affects detection near the threshold, or a step decides."""
-    range_noise_m: Annotated[Metres, Field(ge=0, le=1)] = 0
-    """Standard deviation of the range."""
-    range_noise_model: Literal["fixed", "signal"] = "fixed"
-    """`signal` adds noise for weak returns: 0.75 m over the signal-to-noise ratio."""
-    soft_gain: Annotated[Number, Field(ge=0, le=100)] = 1
-    """Gain on returns from fog, dust and spray; below 1 for receivers that suppress them."""
-    sunlight_noise: Flag = True
-    """Whether daylight raises the threshold and the sun blinds beams towards it."""
-    dropoff_rate: Fraction = 0
-    """Fraction of rays that are dropped at random."""
-    dropoff_intensity_limit: Fraction = 1
-    """Intensity below which a return may be lost."""
-    dropoff_zero_intensity: Fraction = 0
-    """Probability that a return of zero intensity is lost; lower for stronger ones."""
-
-    @model_validator(mode="after")
-    def _check_channel_count(self) -> Self:
-        if self.channel_table != "uniform" and self.channels != 32:
-            raise ValueError(f"{self.channel_table} has 32 channels, not {self.channels}")
-        return self
-
-    @model_validator(mode="after")
-    def _check_elevation_range(self) -> Self:
-        if self.upper_deg <= self.lower_deg:
-            raise ValueError(
-                f"upper_deg {self.upper_deg:g} is not above lower_deg {self.lower_deg:g}"
-            )
-        return self
 
 
 class Radar(CompactModel):

@@ -23,9 +23,11 @@ UNITS: dict[str, tuple[str, float]] = {
     "mph": ("speed", 0.44704),  # exact: the international mile is 1609.344 m
     "mm/h": ("precipitation rate", 1.0),
     "ms": ("time", 1e-3),
+    "ns": ("time", 1e-9),
     "s": ("time", 1.0),
     "min": ("time", 60.0),
     "deg": ("angle", 1.0),
+    "mrad": ("angle", math.degrees(1e-3)),
     "rad": ("angle", math.degrees(1.0)),
     "lx": ("illuminance", 1.0),
     "klx": ("illuminance", 1e3),
@@ -176,6 +178,8 @@ Seconds = Annotated[
     RangeReason("a million seconds are eleven days", 1e6),
 ]
 Milliseconds = Annotated[_Number, Unit("ms"), Field(ge=-1e9, le=1e9)]
+Nanoseconds = Annotated[_Number, Unit("ns"), Field(ge=-1e9, le=1e9)]
+Milliradians = Annotated[_Number, Unit("mrad"), Field(ge=-7000, le=7000)]
 Degrees = Annotated[
     _Number, Unit("deg"), Field(ge=-720, le=720), RangeReason("720 deg are two full turns", 720)
 ]

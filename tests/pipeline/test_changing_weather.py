@@ -61,7 +61,7 @@ def test_each_frame_has_as_many_drops_as_its_rain(spec: Spec) -> None:
     none, some, most = (conditions.at(frame) for frame in (10, 70, 120))
 
     assert not none.camera.blocks
-    assert not none.lidar.particles
+    assert not none.lidar.precipitation
     # Most is the rain of 40 mm/h that blocks are built for; of drops of 1 mm, 20 mm/h has
     # exp(-4.1 (20^-0.21 - 40^-0.21)) = 0.744 times as many.
     (shown,) = [

@@ -9,15 +9,14 @@ from functools import lru_cache
 
 import numpy as np
 from advercity_dsl import Lidar
+from advercity_dsl.lidar import PrismScan
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
 from advercity.geometry.poses import Matrix, invert_pose, transform_points
 
-BEAM_DIVERGENCE_RAD = (3.0e-3, 1.5e-3)
-"""Full divergence of a beam, horizontal and vertical (VLP-32C user manual)."""
-BEAM_APERTURE_M = (12e-3, 9e-3)
-"""Width and height of a beam where it leaves the sensor."""
+SCAN_PERIOD_S = 0.1
+"""Duration of a scan: one tick of the simulation."""
 SUB_RAY_RADIUS = 0.65
 """Distance of the six outer sub-rays from the axis, in half-widths of the beam."""
 
@@ -40,6 +39,36 @@ _VLP_32C_OFFSET_DEG = np.array(
 
 
 @dataclass(frozen=True)
+class BeamShape:
+    """Width of a beam in metres by range: that where it leaves the sensor, and its divergence.
+
+    Attributes:
+        divergence_rad: Full divergence, horizontal and vertical.
+        aperture_m: Width and height where it leaves the sensor.
+    """
+
+    divergence_rad: tuple[float, float] = (3.0e-3, 1.5e-3)
+    aperture_m: tuple[float, float] = (12e-3, 9e-3)
+
+    @staticmethod
+    def from_lidar(lidar: Lidar) -> "BeamShape":
+        """Build the shape of a sensor's beams."""
+        beam = lidar.beam
+        return BeamShape(
+            (beam.horizontal_mrad * 1e-3, beam.vertical_mrad * 1e-3),
+            (beam.width_mm * 1e-3, beam.height_mm * 1e-3),
+        )
+
+    def cross_section_m2(self, range_m: Float64Array) -> Float64Array:
+        """Compute the cross-section (n,) of a beam, an ellipse."""
+        wide, high = (
+            size + opening * range_m
+            for size, opening in zip(self.aperture_m, self.divergence_rad, strict=True)
+        )
+        return math.pi / 4.0 * wide * high
+
+
+@dataclass(frozen=True)
 class ScanPattern:
     """Everything that the ray directions of a scan depend on; hashable, a cache's key.
 
@@ -47,23 +76,38 @@ class ScanPattern:
         azimuths: Firings per scan.
         elevations_rad: Elevation of every channel, from the lowest up.
         offsets_rad: Azimuth of each channel relative to the head, to the left.
+        divergence_rad: Full divergence of a beam, horizontal and vertical.
         sub_rays: Rays that sample one beam.
+        prisms: Prisms in place of a spinning head.
+        scan_index: Scans since the start; 0 for all scans of a head, which are alike.
     """
 
     azimuths: int
     elevations_rad: tuple[float, ...]
     offsets_rad: tuple[float, ...]
+    divergence_rad: tuple[float, float]
     sub_rays: int = 1
+    prisms: PrismScan | None = None
+    scan_index: int = 0
 
 
-def build_scan_pattern(lidar: Lidar) -> ScanPattern:
-    """Build the scan pattern of a sensor."""
-    elevations, offsets = channel_elevations_rad(lidar), channel_azimuth_offsets_rad(lidar)
-    return ScanPattern(lidar.azimuths, tuple(elevations), tuple(offsets), lidar.sub_rays)
+def build_scan_pattern(lidar: Lidar, scan_index: int = 0) -> ScanPattern:
+    """Build the pattern of a sensor's scan, which is the same for all unless it has prisms."""
+    return ScanPattern(
+        lidar.azimuths,
+        tuple(channel_elevations_rad(lidar)),
+        tuple(channel_azimuth_offsets_rad(lidar)),
+        BeamShape.from_lidar(lidar).divergence_rad,
+        lidar.sub_rays,
+        lidar.prisms,
+        scan_index if lidar.prisms else 0,
+    )
 
 
 def channel_elevations_rad(lidar: Lidar) -> Float64Array:
     """Look up the elevation of every channel (channels,), from the lowest up."""
+    if lidar.elevations_deg:
+        return np.radians(np.sort(lidar.elevations_deg))
     if lidar.channel_table == "hdl_32e":
         return np.radians(_HDL_32E_DEG)
     if lidar.channel_table == "vlp_32c":
@@ -73,18 +117,35 @@ def channel_elevations_rad(lidar: Lidar) -> Float64Array:
 
 def channel_azimuth_offsets_rad(lidar: Lidar) -> Float64Array:
     """Look up the azimuth of each channel (channels,) relative to the head, to the left."""
+    if lidar.azimuth_offsets_deg:
+        return np.radians(np.take(lidar.azimuth_offsets_deg, _order_channels(lidar)))
     if lidar.channel_table == "vlp_32c":
         # Velodyne counts azimuth clockwise.
         return -np.radians(_VLP_32C_OFFSET_DEG[np.argsort(_VLP_32C_DEG)])
     return np.zeros(lidar.channels)
 
 
-def beam_directions(lidar: Lidar) -> NDArray[np.float32]:
+def channel_efficiencies(lidar: Lidar) -> FloatArray | None:
+    """Look up the relative power of each channel (channels,), from the lowest up; None if equal."""
+    if not lidar.channel_efficiency:
+        return None
+    return np.take(lidar.channel_efficiency, _order_channels(lidar)).astype(np.float32)
+
+
+def _order_channels(lidar: Lidar) -> IndexArray:
+    """Find the order (channels,) of the declared channels from the lowest up."""
+    if not lidar.elevations_deg:
+        return np.arange(lidar.channels)
+    return np.argsort(lidar.elevations_deg, kind="stable")
+
+
+def beam_directions(lidar: Lidar, scan_index: int = 0) -> NDArray[np.float32]:
     """Build the beam directions (azimuths * channels, 3) of one scan, unit, LiDAR frame.
 
-    Counterclockwise from straight ahead, all channels at each azimuth. The array is read-only.
+    Counterclockwise from straight ahead, all channels at each azimuth; those of a sensor with
+    prisms in the order of their time. The array is read-only.
     """
-    return build_ray_directions(replace(build_scan_pattern(lidar), sub_rays=1))
+    return build_ray_directions(replace(build_scan_pattern(lidar, scan_index), sub_rays=1))
 
 
 def scan_azimuths_rad(azimuths: int) -> NDArray[np.float32]:
@@ -104,27 +165,43 @@ def build_ray_directions(pattern: ScanPattern) -> NDArray[np.float32]:
 
     The sub-rays of a beam are adjacent, the one along its axis first. The array is read-only.
     """
-    head = np.arange(pattern.azimuths)[:, None] * (2.0 * math.pi / pattern.azimuths)
-    azimuth = head + np.array(pattern.offsets_rad)
-    elevation = np.broadcast_to(np.array(pattern.elevations_rad), azimuth.shape)
+    head, tilt = _aim_columns(pattern)
+    azimuth = head[:, None] + np.array(pattern.offsets_rad)
+    elevation = tilt[:, None] + np.array(pattern.elevations_rad)
     cos_az, sin_az = np.cos(azimuth), np.sin(azimuth)
     cos_el, sin_el = np.cos(elevation), np.sin(elevation)
     axis = np.stack([cos_el * cos_az, cos_el * sin_az, sin_el], axis=-1)
     left = np.stack([-sin_az, cos_az, np.zeros_like(azimuth)], axis=-1)
     up = np.stack([-sin_el * cos_az, -sin_el * sin_az, cos_el], axis=-1)
-    spread = np.stack(
-        [axis + y * left + z * up for y, z in _sub_ray_offsets_rad(pattern.sub_rays)], axis=-2
-    )
+    spread = np.stack([axis + y * left + z * up for y, z in _sub_ray_offsets_rad(pattern)], axis=-2)
     spread /= np.linalg.norm(spread, axis=-1, keepdims=True)
     table = spread.reshape(-1, 3).astype(np.float32)
     table.flags.writeable = False
     return table
 
 
-def _sub_ray_offsets_rad(sub_rays: int) -> list[tuple[float, float]]:
+def _aim_columns(pattern: ScanPattern) -> tuple[Float64Array, Float64Array]:
+    """Compute azimuth and elevation (azimuths,) of the axis at every firing of a scan."""
+    column = np.arange(pattern.azimuths, dtype=np.float64)
+    if pattern.prisms is None:
+        return column * (2.0 * math.pi / pattern.azimuths), np.zeros(pattern.azimuths)
+    prisms = pattern.prisms
+    minutes = (pattern.scan_index + column / pattern.azimuths) * (SCAN_PERIOD_S / 60.0)
+    first = 2.0 * math.pi * (prisms.first_rpm * minutes % 1.0)
+    second = 2.0 * math.pi * (prisms.second_rpm * minutes % 1.0)
+    by_first, by_second = math.radians(prisms.first_deg), math.radians(prisms.second_deg)
+    left = by_first * np.cos(first) + by_second * np.cos(second)
+    up = by_first * np.sin(first) + by_second * np.sin(second)
+    off_axis = np.hypot(left, up)
+    # sinc: a beam along the axis has no direction off it.
+    scale = np.sinc(off_axis / math.pi)
+    return np.arctan2(scale * left, np.cos(off_axis)), np.arcsin(scale * up)
+
+
+def _sub_ray_offsets_rad(pattern: ScanPattern) -> list[tuple[float, float]]:
     """Compute the angles to the left and up of a beam's rays: its axis and a hexagon around it."""
-    wide, high = (SUB_RAY_RADIUS * divergence / 2.0 for divergence in BEAM_DIVERGENCE_RAD)
-    hexagon = [corner * math.pi / 3.0 for corner in range(sub_rays - 1)]
+    wide, high = (SUB_RAY_RADIUS * divergence / 2.0 for divergence in pattern.divergence_rad)
+    hexagon = [corner * math.pi / 3.0 for corner in range(pattern.sub_rays - 1)]
     return [(0.0, 0.0), *((wide * math.cos(angle), high * math.sin(angle)) for angle in hexagon)]
 
 
@@ -139,7 +216,8 @@ class BeamGrid:
         world_from_lidar: (4, 4) pose of the sensor.
         azimuth_rad: (m,) float32 azimuth of every column, ascending, from 0 to 2 pi.
         elevation_rad: (c,) float32 elevations of the beams of each column, ascending.
-        max_offset_rad: Greatest deviation of a beam from its column's azimuth.
+        max_offset_rad: Greatest deviation of a beam from its column's azimuth; inf for prisms,
+            whose columns have no order.
     """
 
     world_from_lidar: Matrix
@@ -154,7 +232,9 @@ class BeamGrid:
             world_from_lidar,
             scan_azimuths_rad(lidar.azimuths),
             channel_elevations_rad(lidar).astype(np.float32),
-            max_offset_rad=float(np.abs(channel_azimuth_offsets_rad(lidar)).max()),
+            max_offset_rad=math.inf
+            if lidar.prisms
+            else float(np.abs(channel_azimuth_offsets_rad(lidar)).max()),
         )
 
     def find_beams_towards(self, corners: Matrix) -> IndexArray:
@@ -167,7 +247,7 @@ class BeamGrid:
         ahead = own[:, 0] * math.cos(bearing) + own[:, 1] * math.sin(bearing)
         near = float(ahead.min())
         # A hull around the sensor has no bearing.
-        if near <= 0.0:
+        if near <= 0.0 or math.isinf(self.max_offset_rad):
             return np.arange(len(self.azimuth_rad) * len(self.elevation_rad))
         lateral = np.arctan2(own[:, 1] * math.cos(bearing) - own[:, 0] * math.sin(bearing), ahead)
         far = float(np.hypot(own[:, 0], own[:, 1]).max())

@@ -2,20 +2,25 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from advercity_dsl import Lidar
-from advercity_dsl.weather_components import Lens
+from advercity_dsl.weather_components import Fog, Lens
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import FloatArray
 from advercity.physics.atmosphere import Atmosphere
-from advercity.sensors.lidar.beams import scan_azimuths_rad
-from advercity.sensors.lidar.received_power import daylight_noise_factor
-from advercity.sensors.lidar.volume_scattering import (
-    ParticleTable,
-    SoftTarget,
+from advercity.physics.extinction import AirExtinction
+from advercity.physics.precipitation import ParticleSizeDistribution
+from advercity.sensors.lidar.beams import BeamShape, beam_directions, scan_azimuths_rad
+from advercity.sensors.lidar.forward_scattering import (
+    Diffraction,
+    delay_per_m,
+    kept_extinction_per_m,
 )
+from advercity.sensors.lidar.received_power import Receiver, daylight_noise_factor
+from advercity.sensors.lidar.volume_scattering import ParticleTable, SoftTarget
 from advercity.sensors.spray_plumes import has_spray
 
 NUM_WINDOW_SECTORS = 360
@@ -42,7 +47,9 @@ class LidarWindow:
     sector: NDArray[np.int32]
 
     @staticmethod
-    def from_lidar(lidar: Lidar, coverage: tuple[float, float, float]) -> "LidarWindow | None":
+    def from_lidar(
+        lidar: Lidar, scan_index: int, coverage: tuple[float, float, float]
+    ) -> "LidarWindow | None":
         """Build the window of a sensor by its coverage (front, side, rear); None if it is clean."""
         if not any(coverage):
             return None
@@ -52,6 +59,9 @@ class LidarWindow:
         limits = [from_front < _FRONT_SECTOR_RAD, from_front < _REAR_SECTOR_RAD]
         by_sector = np.select(limits, [front, side], rear)
         bearing = np.repeat(scan_azimuths_rad(lidar.azimuths), lidar.channels)
+        if lidar.prisms:
+            ahead, left, _ = beam_directions(lidar, scan_index).T
+            bearing = np.arctan2(left, ahead) % np.float32(2.0 * math.pi)
         sectors = (bearing * (NUM_WINDOW_SECTORS / (2.0 * math.pi))).astype(np.int32)
         sector = sectors % NUM_WINDOW_SECTORS
         gain = (1.0 - COVERED_WINDOW_LOSS * by_sector) ** 2
@@ -67,9 +77,9 @@ class LidarConditions:
     """Air, light and ground as a LiDAR at 905 nm has them.
 
     Attributes:
-        extinction_per_m: Total extinction coefficient at 905 nm.
-        soft_target: Fog and dust; None if there is neither.
-        particles: Falling rain and snow.
+        extinction: Extinction coefficients of the air by component.
+        precipitation: Size distributions of falling rain, snow and hail.
+        droplet_m: Diameter of the droplets of fog.
         has_spray: Whether the road is wet enough for spray.
         wetness: 0 dry to 1 soaked or glazed with ice.
         puddle_coverage: Fraction of the carriageway under standing water.
@@ -80,9 +90,9 @@ class LidarConditions:
         window_coverage: Covered fraction of the sensor's window: front, side, rear.
     """
 
-    extinction_per_m: float
-    soft_target: SoftTarget | None
-    particles: tuple[ParticleTable, ...]
+    extinction: AirExtinction
+    precipitation: tuple[ParticleSizeDistribution, ...]
+    droplet_m: float
     has_spray: bool
     wetness: float
     puddle_coverage: float
@@ -92,18 +102,72 @@ class LidarConditions:
     sun_direction: NDArray[np.float64] | None
     window_coverage: tuple[float, float, float]
 
+    @property
+    def extinction_per_m(self) -> float:
+        """Total extinction coefficient at 905 nm."""
+        return self.extinction.at_905nm
+
+    def tabulate_air(self, lidar: Lidar) -> "AirTables":
+        """Tabulate the air as a LiDAR sees it; kept for its next scans."""
+        receiver, beam = Receiver.from_lidar(lidar), BeamShape.from_lidar(lidar)
+        return _tabulate_air(self.extinction, self.precipitation, self.droplet_m, receiver, beam)
+
+
+@dataclass(frozen=True, eq=False)
+class AirTables:
+    """An air as a receiver sees it.
+
+    Attributes:
+        extinction_per_m: Extinction coefficient of the light that the receiver sees.
+        delay_per_m: Mean delay of that light in range, over the range squared.
+        soft_target: Fog and dust; None if there is neither.
+        particles: Falling rain, snow and hail.
+    """
+
+    extinction_per_m: float
+    delay_per_m: float
+    soft_target: SoftTarget | None
+    particles: tuple[ParticleTable, ...]
+
+
+@lru_cache(maxsize=8)
+def _tabulate_air(
+    extinction: AirExtinction,
+    precipitation: tuple[ParticleSizeDistribution, ...],
+    droplet_m: float,
+    receiver: Receiver,
+    beam: BeamShape,
+) -> AirTables:
+    falling = {"rain": extinction.rain, "snow": extinction.snow, "hail": extinction.hail}
+    diffracting = [
+        Diffraction(extinction.fog.at_905nm, droplet_m),
+        *(Diffraction.from_sizes(item, falling[item.kind].at_905nm) for item in precipitation),
+    ]
+    view_rad = receiver.field_of_view_rad
+    seen = extinction.at_905nm - kept_extinction_per_m(diffracting, view_rad)
+    return AirTables(
+        extinction_per_m=seen,
+        delay_per_m=delay_per_m(diffracting, view_rad),
+        soft_target=SoftTarget.from_extinction(extinction, seen, receiver),
+        particles=tuple(ParticleTable.build(item, seen, receiver, beam) for item in precipitation),
+    )
+
 
 MIN_VISIBLE_SUN_LX = 1_000.0
 """Direct normal illuminance below which the sun's disc no longer blinds."""
 
 
-def derive_lidar_conditions(atmosphere: Atmosphere, lens: Lens) -> LidarConditions:
-    """Derive what a LiDAR at 905 nm needs of an atmosphere, and of the glass before it."""
-    total = atmosphere.extinction.at_905nm
+def derive_lidar_conditions(
+    atmosphere: Atmosphere, lens: Lens, fog: Fog | None = None
+) -> LidarConditions:
+    """Derive what a LiDAR at 905 nm needs of an atmosphere, and of the glass before it.
+
+    `fog` gives the size of the droplets; None is that of the default.
+    """
     return LidarConditions(
-        extinction_per_m=total,
-        soft_target=SoftTarget.from_extinction(atmosphere.extinction),
-        particles=tuple(ParticleTable.build(sizes, total) for sizes in atmosphere.precipitation),
+        extinction=atmosphere.extinction,
+        precipitation=atmosphere.precipitation,
+        droplet_m=(fog or Fog()).droplet_um * 1e-6,
         has_spray=has_spray(atmosphere.water_film_mm),
         wetness=max(atmosphere.wetness, atmosphere.ice_cover),
         puddle_coverage=atmosphere.puddle_coverage,

@@ -8,17 +8,15 @@ from numpy.typing import NDArray
 
 from advercity.frames import ActorState
 from advercity.geometry.arrays import FloatArray
-from advercity.sensors.lidar.beams import beam_directions
+from advercity.sensors.lidar.beams import SCAN_PERIOD_S, beam_directions, channel_efficiencies
 from advercity.sensors.lidar.conditions import NUM_WINDOW_SECTORS, LidarConditions, LidarWindow
 from advercity.sensors.lidar.random_streams import RandomStreams, StreamPurpose
-from advercity.sensors.lidar.received_power import apparent_reflectance, range_standard_deviation_m
+from advercity.sensors.lidar.received_power import reflectivity_fraction
 from advercity.sensors.lidar.return_sources import ReturnSources, receiver_noise_factor
 from advercity.sensors.lidar.returns import Returns, select_reported
 from advercity.sensors.lidar.scan import ScanHits, scan_fractions
 from advercity.sensors.measurements import PointCloud
 
-SCAN_PERIOD_S = 0.1
-"""Duration of a scan: one tick of the simulation."""
 SUN_BLINDING_ANGLE_RAD = math.radians(1.0)
 """Angle to the sun within which a beam detects nothing."""
 _CARLA_ATTENUATION_PER_M = 0.004
@@ -40,12 +38,18 @@ def measure_point_cloud(
     receiver's threshold the rig reports the strongest, the last or both.
     """
     streams = RandomStreams(rng)
-    window = LidarWindow.from_lidar(lidar, air.window_coverage)
+    window = LidarWindow.from_lidar(lidar, scan.index, air.window_coverage)
     sources = ReturnSources(lidar, scan, air, streams, window, states)
     is_active = _find_active_beams(lidar, scan, air, streams, window)
     per_beam, others = _collect_returns(lidar, sources, is_active)
-    found = select_reported(per_beam, others, lidar.azimuths * lidar.channels, lidar.echoes)
-    return _build_point_cloud(lidar, scan, air, streams, found)
+    found = select_reported(
+        per_beam,
+        others,
+        lidar.azimuths * lidar.channels,
+        lidar.echoes,
+        sources.receiver.pulse_length_m,
+    )
+    return _build_point_cloud(sources, found)
 
 
 def dropoff_survival_fraction(lidar: Lidar, range_m: FloatArray) -> FloatArray:
@@ -77,7 +81,7 @@ def _find_active_beams(
         is_active = clear if is_active is None else is_active & clear
     if air.sun_direction is not None and lidar.sunlight_noise:
         sun = (scan.world_from_lidar[:3, :3].T @ air.sun_direction).astype(np.float32)
-        off_sun = beam_directions(lidar) @ sun < math.cos(SUN_BLINDING_ANGLE_RAD)
+        off_sun = beam_directions(lidar, scan.index) @ sun < math.cos(SUN_BLINDING_ANGLE_RAD)
         is_active = off_sun if is_active is None else is_active & off_sun
     return is_active
 
@@ -92,36 +96,39 @@ def _collect_returns(
     surfaces, soft = sources.surface_returns(), sources.soft_target_returns()
     others = list(sources.iterate_other_returns())
     per_beam = [surfaces] if soft is None else [surfaces, soft]
+    if lidar.receiver.min_range_m:
+        for item in (*per_beam, *others):
+            item.power[:] *= item.range_m >= lidar.receiver.min_range_m
     if is_active is not None:
         surfaces.power[:] *= np.repeat(is_active, lidar.sub_rays)
         if soft is not None:
             soft.power[:] *= is_active
+    stray = sources.stray_light_returns(surfaces)
+    if stray is not None:
+        others.append(stray)
+    if is_active is not None:
         others = [item.select(is_active.take(item.beam)) for item in others]
     return (per_beam, others) if lidar.sub_rays == 1 else ([], [*per_beam, *others])
 
 
-def _build_point_cloud(
-    lidar: Lidar, scan: ScanHits, air: LidarConditions, streams: RandomStreams, found: Returns
-) -> PointCloud:
+def _build_point_cloud(sources: ReturnSources, found: Returns) -> PointCloud:
     """Build the points of reported returns."""
-    range_m = _measure_range_m(lidar, streams, found)
+    lidar, scan, streams = sources.lidar, sources.scan, sources.streams
+    range_m = _measure_range_m(sources, found)
     if lidar.dropoff_zero_intensity:
         uniform = streams.uniform(StreamPurpose.DROPOFF, lidar.azimuths * lidar.channels)
         kept = np.flatnonzero(uniform.take(found.beam) < dropoff_survival_fraction(lidar, range_m))
         found, range_m = found.select(kept), range_m[kept]
     azimuth = found.beam // np.int32(lidar.channels)
-    raw = (beam_directions(lidar).take(found.beam, axis=0) * range_m[:, None]).astype(
-        np.float32, copy=False
-    )
-    intensity = apparent_reflectance(
-        found.power * np.float32(receiver_noise_factor(lidar, air)), found.range_m
-    )
+    ring = found.beam - azimuth * np.int32(lidar.channels)
+    directions = beam_directions(lidar, scan.index)
+    raw = (directions.take(found.beam, axis=0) * range_m[:, None]).astype(np.float32, copy=False)
     points, time_s = _compensate_motion(lidar, scan, raw, azimuth)
     return PointCloud(
         points=points,
         raw=raw,
-        intensity=np.minimum(intensity, 1.0).astype(np.float32),
-        ring=(found.beam - azimuth * np.int32(lidar.channels)).astype(np.uint16),
+        intensity=_measure_intensity(sources, found, ring),
+        ring=ring.astype(np.uint16),
         time_s=time_s,
         range_m=range_m.astype(np.float32, copy=False),
         semantic=found.semantic,
@@ -130,17 +137,36 @@ def _build_point_cloud(
     )
 
 
-def _measure_range_m(lidar: Lidar, streams: RandomStreams, found: Returns) -> FloatArray:
+def _measure_intensity(
+    sources: ReturnSources, found: Returns, ring: NDArray[np.int32]
+) -> FloatArray:
+    """Compute the intensity (n,) as the sensor reports it, from 0 to 1."""
+    lidar = sources.lidar
+    power = found.power * np.float32(receiver_noise_factor(lidar, sources.air))
+    efficiency = channel_efficiencies(lidar)
+    if efficiency is not None:
+        power /= efficiency.take(ring)
+    reflectance = sources.receiver.apparent_reflectance(power, found.range_m)
+    white_level = lidar.receiver.white_level
+    if white_level is None:
+        return np.minimum(reflectance, 1.0).astype(np.float32)
+    return reflectivity_fraction(reflectance, white_level).astype(np.float32)
+
+
+def _measure_range_m(sources: ReturnSources, found: Returns) -> FloatArray:
+    lidar, step_m = sources.lidar, sources.lidar.receiver.range_step_m
+    range_m = found.range_m
     # Adding zero noise would still cost a draw for every beam.
-    if lidar.range_noise_model == "fixed" and not lidar.range_noise_m:
-        return found.range_m
-    error = streams.normal(StreamPurpose.RANGE_NOISE, lidar.azimuths * lidar.channels)
-    deviation_m = (
-        range_standard_deviation_m(found.power, lidar.range_noise_m)
-        if lidar.range_noise_model == "signal"
-        else np.float32(lidar.range_noise_m)
-    )
-    return found.range_m + error.take(found.beam) * deviation_m
+    if lidar.range_noise_model == "signal" or lidar.range_noise_m:
+        count = lidar.azimuths * lidar.channels
+        error = sources.streams.normal(StreamPurpose.RANGE_NOISE, count)
+        deviation_m = (
+            sources.receiver.range_standard_deviation_m(found.power, lidar.range_noise_m)
+            if lidar.range_noise_model == "signal"
+            else np.float32(lidar.range_noise_m)
+        )
+        range_m = range_m + error.take(found.beam) * deviation_m
+    return np.rint(range_m / np.float32(step_m)) * np.float32(step_m) if step_m else range_m
 
 
 def _compensate_motion(

@@ -35,6 +35,7 @@ class StreamPurpose(IntEnum):
     SOFT_RANGE = 11
     SOFT_KIND = 12
     HAIL = 13
+    STRAY_NOISE = 14
 
 
 class RandomStreams:

@@ -5,8 +5,11 @@ time.
 """
 
 import math
+from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
+from advercity_dsl import Lidar
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import FloatArray
@@ -16,47 +19,117 @@ from advercity.physics.water import fresnel_reflectance
 from advercity.rendering.raycaster import MATERIAL_NAMES, RayHits
 from advercity.semantics import Semantic
 
-NEAR_FIELD_M = 10.0
-"""Range below which gain control and incomplete overlap keep power from growing with 1/R²."""
 REFERENCE_REFLECTANCE = 0.10
-REFERENCE_RANGE_M = 80.0
 REFERENCE_MOR_M = 20_000.0
-"""A target of that reflectance that faces the sensor at that range is detected half of the time."""
+"""Data sheets state the range at which a target of that reflectance is detected in such air."""
 SIGNAL_TO_NOISE = 5.0
 """Signal-to-noise ratio of a return at the detection threshold."""
 PULSE_LENGTH_M = 0.749
 """Half the length of a 5 ns pulse: returns closer than this overlap and count as one."""
 NOISE_RANGE_ERROR_M = 0.75
-"""Standard deviation of the range of a return as strong as the noise."""
+"""Standard deviation of the range of a return of such a pulse that is as strong as the noise."""
 NOISE_DOUBLING_LX = 50_000.0 / 0.3
 """Illuminance that adds as much noise power as the receiver has in the dark."""
-_DARK_THRESHOLD = (
-    REFERENCE_REFLECTANCE
-    / math.pi
-    * math.exp(-2.0 * extinction_from_mor(REFERENCE_MOR_M) * REFERENCE_RANGE_M)
-    / (REFERENCE_RANGE_M**2 + NEAR_FIELD_M**2)
-)
-WHITE_TARGET_POWER = 1.0 / (math.pi * _DARK_THRESHOLD)
-"""Power of a white target that faces the sensor in a vacuum, without the factor 1/(R² + 10²)."""
+_REFERENCE_PULSE_NS = 5.0
 
 
-def received_power(
-    range_m: FloatArray, reflected_fraction: FloatArray, extinction_per_m: float
-) -> FloatArray:
-    """Compute the power (n,) of a hard Lambertian target, relative to the threshold.
+@dataclass(frozen=True)
+class Receiver:
+    """The sensitivity of a receiver and the length of its pulses.
 
-    The LiDAR equation for a target that fills the beam: `rho cos(a) exp(-2 k R) / (R² + R0²)`,
-    of which `reflected_fraction` is `rho cos(a)`.
+    Attributes:
+        white_target_power: Power of a white target that faces the sensor in a vacuum, relative to
+            the threshold in the dark, without the factor 1/(R² + near_field²).
+        near_field_m: Range below which gain control and incomplete overlap keep power from
+            growing with 1/R².
+        pulse_length_m: Returns closer than this overlap and count as one.
+        field_of_view_rad: Full angle from which a channel receives.
     """
-    # In the dtype of the ranges: a float64 factor would promote whole float32 scans.
-    transmittance = np.exp(range_m * range_m.dtype.type(-2.0 * extinction_per_m))
-    falloff = WHITE_TARGET_POWER / (range_m * range_m + NEAR_FIELD_M**2)
-    return transmittance * reflected_fraction * falloff
+
+    white_target_power: float
+    near_field_m: float
+    pulse_length_m: float
+    field_of_view_rad: float
+
+    @staticmethod
+    def from_lidar(lidar: Lidar) -> "Receiver":
+        """Build the receiver that detects a target of 10 % at the range that the rig declares."""
+        declared = lidar.receiver
+        range_m, near_field_m = declared.range_at_10_percent_m, declared.near_field_m
+        returned = (
+            REFERENCE_REFLECTANCE
+            / math.pi
+            * math.exp(-2.0 * extinction_from_mor(REFERENCE_MOR_M) * range_m)
+            / (range_m**2 + near_field_m**2)
+        )
+        # Exactly zero for a probability of one half.
+        excess = NormalDist().inv_cdf(declared.detection_probability) / SIGNAL_TO_NOISE
+        above_threshold = (1.0 + excess) * daylight_noise_factor(declared.illuminance_lx)
+        return Receiver(
+            white_target_power=above_threshold / (math.pi * returned),
+            near_field_m=near_field_m,
+            pulse_length_m=PULSE_LENGTH_M * (lidar.beam.pulse_ns / _REFERENCE_PULSE_NS),
+            field_of_view_rad=declared.field_of_view_mrad * 1e-3,
+        )
+
+    def received_power(
+        self,
+        range_m: FloatArray,
+        reflected_fraction: FloatArray | np.float32,
+        extinction_per_m: float,
+    ) -> FloatArray:
+        """Compute the power (n,) of a hard Lambertian target, relative to the threshold.
+
+        The LiDAR equation for a target that fills the beam: `rho cos(a) exp(-2 k R) / (R² + R0²)`,
+        of which `reflected_fraction` is `rho cos(a)`.
+        """
+        # In the dtype of the ranges: a float64 factor would promote whole float32 scans.
+        transmittance = np.exp(range_m * range_m.dtype.type(-2.0 * extinction_per_m))
+        falloff = self.white_target_power / (range_m * range_m + self.near_field_m**2)
+        return transmittance * reflected_fraction * falloff
+
+    def apparent_reflectance(self, power: FloatArray, range_m: FloatArray) -> FloatArray:
+        """Compute the reflectance (n,) that a target in clear air would have."""
+        return power * ((range_m * range_m + self.near_field_m**2) / self.white_target_power)
+
+    def range_standard_deviation_m(
+        self, power: FloatArray, instrument_deviation_m: float
+    ) -> FloatArray:
+        """Compute the deviation (n,) of the range of returns: the instrument's and noise's."""
+        error_m = NOISE_RANGE_ERROR_M * (self.pulse_length_m / PULSE_LENGTH_M)
+        return np.sqrt(instrument_deviation_m**2 + (error_m / (SIGNAL_TO_NOISE * power)) ** 2)
+
+    def detection_range_m(
+        self, reflectance: float, extinction_per_m: float, *, max_range_m: float = 200.0
+    ) -> float:
+        """Compute the range at which a target that faces the sensor is detected half of the time.
+
+        In the dark, with an extinction that holds for all of its light.
+        """
+        step = DETECTION_RANGE_STEP_M
+        ranges = np.arange(step, max_range_m + step / 2, step)
+        reflectances = np.full_like(ranges, reflectance)
+        found = self.received_power(ranges, reflectances, extinction_per_m) >= 1.0
+        return float(ranges[found][-1]) if found.any() else 0.0
 
 
-def apparent_reflectance(power: FloatArray, range_m: FloatArray) -> FloatArray:
-    """Compute the reflectance (n,) that a target in clear air would have: the intensity."""
-    return power * ((range_m * range_m + NEAR_FIELD_M**2) / WHITE_TARGET_POWER)
+DETECTION_RANGE_STEP_M = 0.1
+WHITE_LEVEL_OF_BYTE = 255.0
+BRIGHTEST_REFLECTANCE = 1000.0
+"""Reflectance that a receiver reports as 255: the brightest sheeting returns 300 cd/lx/m², pi times
+which is its reflectance."""
+
+
+def reflectivity_fraction(reflectance: FloatArray, white_level: int) -> FloatArray:
+    """Compute the level (n,) that a sensor reports for a reflectance, over 255.
+
+    Linear up to 100 %, which has the level `white_level`, and logarithmic for retroreflectors, as
+    the manuals of Velodyne and Ouster have it.
+    """
+    span = (WHITE_LEVEL_OF_BYTE - white_level) / math.log(BRIGHTEST_REFLECTANCE)
+    beyond = white_level + span * np.log(np.maximum(reflectance, 1.0))
+    level = np.where(reflectance < 1.0, white_level * reflectance, beyond)
+    return np.rint(np.minimum(level, WHITE_LEVEL_OF_BYTE)) / np.float32(WHITE_LEVEL_OF_BYTE)
 
 
 def daylight_noise_factor(illuminance_lx: float) -> float:
@@ -67,13 +140,6 @@ def daylight_noise_factor(illuminance_lx: float) -> float:
 def detection_margin_sigma(power: FloatArray) -> FloatArray:
     """Compute the margin (n,) of returns above the threshold, in standard deviations of noise."""
     return SIGNAL_TO_NOISE * (power - 1.0)
-
-
-def range_standard_deviation_m(power: FloatArray, instrument_deviation_m: float) -> FloatArray:
-    """Compute the standard deviation (n,) of the range of returns: the instrument's and noise's."""
-    return np.sqrt(
-        instrument_deviation_m**2 + (NOISE_RANGE_ERROR_M / (SIGNAL_TO_NOISE * power)) ** 2
-    )
 
 
 WATER_REFRACTIVE_INDEX_905NM = 1.328
@@ -153,17 +219,3 @@ def wet_reflectance_ratio(reflectance: FloatArray, cosine: FloatArray) -> FloatA
     return transmitted**2 / (
         WATER_REFRACTIVE_INDEX_905NM**2 * (1.0 - reflectance * _WATER_INTERNAL_REFLECTANCE_905NM)
     )
-
-
-DETECTION_RANGE_STEP_M = 0.1
-
-
-def detection_range_m(
-    reflectance: float, extinction_per_m: float, *, max_range_m: float = 200.0
-) -> float:
-    """Compute the range at which a target that faces the sensor is detected half of the time."""
-    ranges = np.arange(
-        DETECTION_RANGE_STEP_M, max_range_m + DETECTION_RANGE_STEP_M / 2, DETECTION_RANGE_STEP_M
-    )
-    found = received_power(ranges, np.full_like(ranges, reflectance), extinction_per_m) >= 1.0
-    return float(ranges[found][-1]) if found.any() else 0.0

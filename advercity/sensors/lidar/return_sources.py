@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -13,21 +13,18 @@ from advercity.frames import ActorState
 from advercity.geometry.arrays import FloatArray, IndexArray
 from advercity.rendering.raycaster import RayHits
 from advercity.semantics import Semantic
-from advercity.sensors.lidar.beams import sub_ray_weights
-from advercity.sensors.lidar.conditions import LidarConditions, LidarWindow
+from advercity.sensors.lidar.beams import build_scan_pattern, channel_efficiencies, sub_ray_weights
+from advercity.sensors.lidar.conditions import AirTables, LidarConditions, LidarWindow
 from advercity.sensors.lidar.random_streams import (
     RandomStreams,
     StreamPurpose,
     draw_levels,
     normal_quantiles,
 )
-from advercity.sensors.lidar.received_power import (
-    PULSE_LENGTH_M,
-    effective_reflectance,
-    received_power,
-)
+from advercity.sensors.lidar.received_power import Receiver, effective_reflectance
 from advercity.sensors.lidar.returns import Returns
 from advercity.sensors.lidar.scan import ScanHits
+from advercity.sensors.lidar.stray_light import find_stray_light
 from advercity.sensors.lidar.volume_scattering import (
     LIDAR_RATIO_SR,
     LOG_POWER_DEVIATION,
@@ -56,6 +53,25 @@ class ReturnSources:
     window: LidarWindow | None
     states: tuple[ActorState, ...]
 
+    @cached_property
+    def receiver(self) -> Receiver:
+        """Sensitivity of the sensor."""
+        return Receiver.from_lidar(self.lidar)
+
+    @cached_property
+    def beam_gain(self) -> FloatArray | None:
+        """Factor (beams,) of window and channels on power; None without either."""
+        gain = None if self.window is None else self.window.gain
+        efficiency = channel_efficiencies(self.lidar)
+        if efficiency is None:
+            return gain
+        by_beam = np.tile(efficiency, self.lidar.azimuths)
+        return by_beam if gain is None else by_beam * gain
+
+    @cached_property
+    def _tables(self) -> AirTables:
+        return self.air.tabulate_air(self.lidar)
+
     @property
     def _count(self) -> int:
         return self.lidar.azimuths * self.lidar.channels
@@ -83,7 +99,7 @@ class ReturnSources:
 
         The number of droplets in each beam fluctuates about the mean.
         """
-        soft, lidar, count = self.air.soft_target, self.lidar, self._count
+        soft, lidar, count = self._tables.soft_target, self.lidar, self._count
         if soft is None or lidar.soft_gain <= 0.0:
             return None
         gain = np.full(count, lidar.soft_gain / self._threshold, np.float32)
@@ -91,7 +107,7 @@ class ReturnSources:
             gain *= _fluctuation_table().take(
                 draw_levels(self.streams.open_stream(StreamPurpose.SOFT_POWER), count)
             )
-        self._apply_window_loss(gain, None)
+        self._apply_beam_gain(gain, None)
         uniform = self.streams.uniform(StreamPurpose.SOFT_RANGE, count)
         range_m, power = soft.sample(gain, self._stop_m, uniform)
         power *= power > MIN_RELEVANT_POWER / lidar.sub_rays
@@ -107,12 +123,31 @@ class ReturnSources:
         """Yield the returns of all other sources, each sorted by beam."""
         # The order of sources decides ties between equally strong returns.
         yield from self._secondary_returns()
-        for table in self.air.particles:
+        for table in self._tables.particles:
             yield self._particle_returns(table)
         if self._plumes and self.lidar.soft_gain > 0.0:
             rng = self.streams.open_stream(StreamPurpose.SPRAY)
             for plume in self._plumes:
                 yield self._spray_returns(plume, rng)
+
+    def stray_light_returns(self, surfaces: Returns) -> Returns | None:
+        """Compute the returns beside surfaces that are brighter than white; None without any."""
+        stray_light_db = self.lidar.receiver.stray_light_db
+        if stray_light_db is None:
+            return None
+        seen = surfaces.select(surfaces.power > 0.0)
+        white = self.receiver.received_power(seen.range_m, np.float32(1.0), 0.0)
+        bright = seen.select(seen.power * np.float32(self._threshold) > white)
+        if not len(bright):
+            return None
+        beam, range_m, power = find_stray_light(
+            replace(build_scan_pattern(self.lidar, self.scan.index), sub_rays=1),
+            bright,
+            stray_light_db,
+            self.receiver.pulse_length_m,
+        )
+        noise = self._draw_noise(StreamPurpose.STRAY_NOISE, self._count).take(beam)
+        return _build_airborne_returns(beam, range_m, power, noise, PointKind.STRAY)
 
     def _secondary_returns(self) -> Iterator[Returns]:
         """Yield the returns of surfaces behind panes, then of those mirrored in puddles."""
@@ -137,7 +172,7 @@ class ReturnSources:
         beam, range_m, power = table.sample(self._count, rng)
         noise = self._draw_stream_noise(rng, len(beam))
         power *= (range_m < self._stop_m[beam]) / np.float32(self._threshold)
-        self._apply_window_loss(power, beam)
+        self._apply_beam_gain(power, beam)
         return self._drop_weak(_build_airborne_returns(beam, range_m, power, noise, kind))
 
     def _spray_returns(self, plume: PlumeCrossing, rng: np.random.Generator) -> Returns:
@@ -149,16 +184,16 @@ class ReturnSources:
             plume.through_m, SPRAY_PENETRATION_M
         )
         range_m = np.maximum(plume.enter_m + penetration_m, np.float32(MIN_RANGE_M))
-        depth_m = np.minimum(plume.through_m, np.float32(PULSE_LENGTH_M))
+        depth_m = np.minimum(plume.through_m, np.float32(self.receiver.pulse_length_m))
         reflectance = (
             plume.extinction_per_m * depth_m * np.float32(math.pi / LIDAR_RATIO_SR["spray"])
         )
-        power = received_power(range_m, reflectance, self.air.extinction_per_m) * (
-            range_m < self._stop_m[beam]
-        )
+        power = self.receiver.received_power(
+            range_m, reflectance, self._tables.extinction_per_m
+        ) * (range_m < self._stop_m[beam])
         power *= fluctuation
         power *= np.float32(self.lidar.soft_gain / self._threshold)
-        self._apply_window_loss(power, beam)
+        self._apply_beam_gain(power, beam)
         kind = PointKind.SPRAY
         return self._drop_weak(_build_airborne_returns(beam, range_m, power, noise, kind))
 
@@ -197,20 +232,22 @@ class ReturnSources:
         if sub_rays > 1:
             reflectance = reflectance * sub_ray_weights(self.lidar)[rays % sub_rays]
         finite_m = np.minimum(hits.range_m, np.float32(self.lidar.range_m))
-        power = received_power(
-            finite_m, reflectance * np.float32(1.0 / self._threshold), self.air.extinction_per_m
+        power = self.receiver.received_power(
+            finite_m,
+            reflectance * np.float32(1.0 / self._threshold),
+            self._tables.extinction_per_m,
         )
         # Power 0 drops a return; misses have a reflectance of 0 already.
         power *= power > MIN_RELEVANT_POWER / sub_rays
         everywhere = sub_rays == 1 and ray is None
-        self._apply_window_loss(power, None if everywhere else beam)
+        self._apply_beam_gain(power, None if everywhere else beam)
         if self._plume_transmittance is not None:
             power *= (
                 self._plume_transmittance if everywhere else self._plume_transmittance.take(beam)
             )
         return Returns(
             beam=beam,
-            range_m=hits.range_m,
+            range_m=self._delay(hits.range_m),
             power=power,
             noise=noise,
             kind=np.full(count, kind, np.uint8),
@@ -221,16 +258,30 @@ class ReturnSources:
     def _drop_weak(self, returns: Returns) -> Returns:
         return returns.select(returns.power > MIN_RELEVANT_POWER / self.lidar.sub_rays)
 
-    def _apply_window_loss(self, power: FloatArray, beam: NDArray[np.int32] | None) -> None:
-        """Multiply powers (k,) by the window's gain in place; `beam` None for one per beam."""
-        if self.window is not None:
-            power *= self.window.gain if beam is None else self.window.gain[beam]
+    def _apply_beam_gain(self, power: FloatArray, beam: NDArray[np.int32] | None) -> None:
+        """Multiply powers (k,) by the beams' gains in place; `beam` None for one per beam."""
+        if self.beam_gain is not None:
+            power *= self.beam_gain if beam is None else self.beam_gain[beam]
+
+    def _delay(self, range_m: FloatArray) -> FloatArray:
+        """Lengthen ranges (n,) by the detours of light that is scattered forward."""
+        # Without a field of view none of that light is received.
+        if not self._tables.delay_per_m:
+            return range_m
+        return range_m + np.float32(self._tables.delay_per_m) * range_m * range_m
 
     @cached_property
     def _plumes(self) -> tuple[PlumeCrossing, ...]:
         if not self.air.has_spray:
             return ()
-        return tuple(find_plume_crossings(self.lidar, self.scan.world_from_lidar, self.states))
+        return tuple(
+            find_plume_crossings(
+                self.lidar,
+                self.scan.world_from_lidar,
+                self.states,
+                scan_index=self.scan.index,
+            )
+        )
 
     @cached_property
     def _plume_transmittance(self) -> FloatArray | None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import FloatArray, IndexArray
-from advercity.sensors.lidar.received_power import PULSE_LENGTH_M, detection_margin_sigma
+from advercity.sensors.lidar.received_power import detection_margin_sigma
 
 ReturnMode = Literal["strongest", "last", "dual"]
 
@@ -61,7 +61,11 @@ class Returns:
 
 
 def select_reported(
-    per_beam: Sequence[Returns], others: Sequence[Returns], beams: int, return_mode: ReturnMode
+    per_beam: Sequence[Returns],
+    others: Sequence[Returns],
+    beams: int,
+    return_mode: ReturnMode,
+    pulse_length_m: float,
 ) -> Returns:
     """Select the returns that the receiver reports, sorted by beam, then by range.
 
@@ -73,6 +77,7 @@ def select_reported(
         others: Returns of all other sources, each sorted by beam.
         beams: Number of beams.
         return_mode: Mode of the receiver.
+        pulse_length_m: Returns closer than this overlap.
     """
     # Sorting is the cost here. Most beams have returns of the one or two per-beam sources only,
     # which a comparison decides; just the crowded ones are merged and sorted.
@@ -80,7 +85,7 @@ def select_reported(
     for part in others:
         crowded[part.beam] = True
     if len(per_beam) == 2:
-        crowded |= _is_contested(per_beam[0], per_beam[1], return_mode)
+        crowded |= _is_contested(per_beam[0], per_beam[1], return_mode, pulse_length_m)
     reported = [part.is_detected & ~crowded for part in per_beam]
     if len(per_beam) == 2:
         one, other = per_beam
@@ -88,30 +93,32 @@ def select_reported(
         reported = [reported[0] & (first | ~reported[1]), reported[1] & ~(first & reported[0])]
     strong = [part.select(crowded & (part.power > 0.0)) for part in per_beam]
     strong += [part.select(part.power > 0.0) for part in others]
-    merged = merge_overlapping(Returns.concatenate(strong))
+    merged = merge_overlapping(Returns.concatenate(strong), pulse_length_m)
     clear = [part.select(rows) for part, rows in zip(per_beam, reported, strict=True)]
     resolved = select_by_mode(merged.select(merged.is_detected), return_mode)
     found = Returns.concatenate([*clear, resolved])
     return found.select(np.argsort(found.beam, kind="stable"))
 
 
-def _is_contested(one: Returns, other: Returns, return_mode: ReturnMode) -> NDArray[np.bool_]:
+def _is_contested(
+    one: Returns, other: Returns, return_mode: ReturnMode, pulse_length_m: float
+) -> NDArray[np.bool_]:
     """Find the beams whose returns from two sources overlap, or are both reported."""
     both = (one.power > 0.0) & (other.power > 0.0)
     if return_mode == "dual":
         return both
-    return both & (np.abs(one.range_m - other.range_m) < PULSE_LENGTH_M)
+    return both & (np.abs(one.range_m - other.range_m) < pulse_length_m)
 
 
-def merge_overlapping(returns: Returns) -> Returns:
-    """Merge the returns of a beam that follow each other within a pulse.
+def merge_overlapping(returns: Returns, pulse_length_m: float) -> Returns:
+    """Merge the returns of a beam that follow each other within a pulse's length.
 
     Powers add, the range is the power-weighted mean, all else is of the strongest. The result is
     sorted by beam, then by range.
     """
     # The stable sort is fast because every source is sorted by beam already.
     returns = returns.select(np.argsort(_compute_sort_keys(returns), kind="stable"))
-    apart = np.diff(returns.range_m, prepend=np.float32(0.0)) >= PULSE_LENGTH_M
+    apart = np.diff(returns.range_m, prepend=np.float32(0.0)) >= pulse_length_m
     apart |= np.diff(returns.beam, prepend=np.int32(-1)) != 0
     first = np.flatnonzero(apart)
     if len(first) == len(returns):

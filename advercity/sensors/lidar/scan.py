@@ -53,6 +53,7 @@ class ScanHits:
         world_from_lidar: (4, 4) pose at the frame's instant.
         now_from_then: (azimuths, 4, 4) transform to the LiDAR frame at the frame's instant from
             that when the head passed each azimuth; None if the scan is instantaneous.
+        index: Scans since the start.
     """
 
     hits: RayHits
@@ -61,6 +62,7 @@ class ScanHits:
     puddle_reflection: SecondaryHits | None
     world_from_lidar: Matrix
     now_from_then: Matrix | None
+    index: int = 0
 
 
 def cast_scan(
@@ -70,6 +72,7 @@ def cast_scan(
     *,
     previous_world_from_lidar: Matrix | None = None,
     puddle_coverage: float = 0.0,
+    index: int = 0,
 ) -> ScanHits:
     """Cast the rays of one scan.
 
@@ -79,9 +82,11 @@ def cast_scan(
         raycaster: Placed at this frame; with `motion_distortion`, also at the previous one.
         previous_world_from_lidar: (4, 4) pose one tick earlier; None for a sensor at rest.
         puddle_coverage: Fraction of the carriageway under standing water.
+        index: Scans since the start, by which prisms have turned.
     """
     world_from_head = _interpolate_head_poses(lidar, world_from_lidar, previous_world_from_lidar)
-    rays = _build_rays(lidar, world_from_lidar, world_from_head)
+    directions = build_ray_directions(build_scan_pattern(lidar, index))
+    rays = _build_rays(lidar, directions, world_from_lidar, world_from_head)
     hits = raycaster.cast(rays, lidar.range_m)
     puddled = _find_puddle_rays(rays, hits, puddle_coverage)
     return ScanHits(
@@ -95,6 +100,7 @@ def cast_scan(
             if world_from_head is None
             else poses.invert_pose(world_from_lidar) @ world_from_head
         ),
+        index=index,
     )
 
 
@@ -109,9 +115,10 @@ def _interpolate_head_poses(lidar: Lidar, now: Matrix, before: Matrix | None) ->
     return poses.interpolate_poses(now if before is None else before, now, scan_fractions(lidar))
 
 
-def _build_rays(lidar: Lidar, world_from_lidar: Matrix, world_from_head: Matrix | None) -> Rays:
+def _build_rays(
+    lidar: Lidar, directions: FloatArray, world_from_lidar: Matrix, world_from_head: Matrix | None
+) -> Rays:
     """Build all rays of the scan in the world."""
-    directions = build_ray_directions(build_scan_pattern(lidar))
     per_azimuth = len(directions) // lidar.azimuths
     ring = np.tile(np.arange(per_azimuth, dtype=np.uint16), lidar.azimuths)
     if world_from_head is None:

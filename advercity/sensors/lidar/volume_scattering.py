@@ -20,14 +20,9 @@ from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
 from advercity.geometry.poses import Matrix
 from advercity.physics.extinction import AirExtinction
 from advercity.physics.precipitation import ParticleSizeDistribution
-from advercity.sensors.lidar.beams import (
-    BEAM_APERTURE_M,
-    BEAM_DIVERGENCE_RAD,
-    BeamGrid,
-    beam_directions,
-)
+from advercity.sensors.lidar.beams import BeamGrid, BeamShape, beam_directions
 from advercity.sensors.lidar.random_streams import NUM_LEVELS, draw_levels
-from advercity.sensors.lidar.received_power import PULSE_LENGTH_M, received_power
+from advercity.sensors.lidar.received_power import Receiver
 from advercity.sensors.spray_plumes import (
     MAX_PLUME_DISTANCE_M,
     PLUME_DECAY_M,
@@ -57,10 +52,12 @@ class SoftTarget:
         profile: (m,) power relative to the threshold by apparent range, in steps of `RANGE_STEP_M`
             from `MIN_RANGE_M`.
         dust_fraction: Fraction of the backscatter that is dust's.
+        pulse_length_m: Half the length of the receiver's pulses.
     """
 
     profile: FloatArray
     dust_fraction: float
+    pulse_length_m: float
     _mass: FloatArray
     """(m,) integral of the profile from the least range, 0 to 1."""
     _range_of_mass: FloatArray
@@ -71,14 +68,22 @@ class SoftTarget:
     """(levels + 1,) mass below the range where the profile falls through each level."""
 
     @staticmethod
-    def from_extinction(extinction: AirExtinction) -> "SoftTarget | None":
-        """Tabulate the fog and dust of an air; None if it has neither."""
+    def from_extinction(
+        extinction: AirExtinction, extinction_per_m: float, receiver: Receiver
+    ) -> "SoftTarget | None":
+        """Tabulate the fog and dust of an air as a receiver sees them; None if it has neither.
+
+        Args:
+            extinction: Extinction of the air by component.
+            extinction_per_m: Extinction of the light that the receiver sees.
+            receiver: The receiver.
+        """
         by_fog = extinction.fog.at_905nm / LIDAR_RATIO_SR["fog"]
         by_dust = extinction.dust.at_905nm / LIDAR_RATIO_SR["dust"]
         if not by_fog and not by_dust:
             return None
         range_m = np.arange(MIN_RANGE_M, MAX_RANGE_M, RANGE_STEP_M)
-        profile = pulse_profile(range_m, by_fog + by_dust, extinction.at_905nm)
+        profile = pulse_profile(range_m, by_fog + by_dust, extinction_per_m, receiver)
         mass = np.cumsum(profile) - profile[0]
         mass /= mass[-1]
         levels = profile.max() * np.arange(NUM_PROFILE_LEVELS + 1) / NUM_PROFILE_LEVELS
@@ -89,6 +94,7 @@ class SoftTarget:
         return SoftTarget(
             profile=profile.astype(np.float32),
             dust_fraction=by_dust / (by_fog + by_dust),
+            pulse_length_m=receiver.pulse_length_m,
             _mass=mass.astype(np.float32),
             _range_of_mass=np.interp(steps, mass, range_m).astype(np.float32),
             _mass_from=mass[rise].astype(np.float32),
@@ -118,7 +124,7 @@ class SoftTarget:
             cut = np.minimum(np.float32(1.0) / power, np.float32(MAX_PROFILE_CUT))
         level = (cut * NUM_PROFILE_LEVELS).astype(np.int32)
         first, last = self._mass_from.take(level), self._mass_to.take(level)
-        room = np.minimum(end_m, MAX_RANGE_M) - np.float32(PULSE_LENGTH_M + MIN_RANGE_M)
+        room = np.minimum(end_m, MAX_RANGE_M) - np.float32(self.pulse_length_m + MIN_RANGE_M)
         cell = (np.maximum(room, 0.0) * (1.0 / RANGE_STEP_M)).astype(np.int32)
         last = np.minimum(last, self._mass.take(cell, mode="clip"))
         width = np.maximum(last - first, 0.0)
@@ -128,23 +134,25 @@ class SoftTarget:
 
 
 def pulse_profile(
-    range_m: Float64Array, backscatter: float, extinction_per_m: float
+    range_m: Float64Array, backscatter: float, extinction_per_m: float, receiver: Receiver
 ) -> Float64Array:
     """Compute the power (n,) that an unbounded layer returns, relative to the threshold.
 
-    A sine-squared pulse, twice `PULSE_LENGTH_M` long, integrates over all that it covers; the
-    delay of its own centre is subtracted.
+    A sine-squared pulse, twice the receiver's `pulse_length_m`, integrates over all that it
+    covers; the delay of its own centre is subtracted.
 
     Args:
         range_m: (n,) apparent range, metres.
         backscatter: Backscatter coefficient of the layer, 1/(m sr).
         extinction_per_m: Extinction coefficient of the air at 905 nm.
+        receiver: The receiver.
     """
-    step = PULSE_LENGTH_M / 32.0
+    pulse_m = receiver.pulse_length_m
+    step = pulse_m / 32.0
     along = (np.arange(64) + 0.5) * step
-    shape = np.sin(np.pi * along / (2.0 * PULSE_LENGTH_M)) ** 2 * step
-    scatterer_m = range_m[:, None] + PULSE_LENGTH_M - along
-    layer = received_power(
+    shape = np.sin(np.pi * along / (2.0 * pulse_m)) ** 2 * step
+    scatterer_m = range_m[:, None] + pulse_m - along
+    layer = receiver.received_power(
         np.maximum(scatterer_m, 0.0),
         np.full_like(scatterer_m, math.pi * backscatter),
         extinction_per_m,
@@ -180,11 +188,18 @@ class ParticleTable:
     min_diameter_mm: FloatArray
 
     @staticmethod
-    def build(sizes: ParticleSizeDistribution, extinction_per_m: float) -> "ParticleTable":
+    def build(
+        sizes: ParticleSizeDistribution,
+        extinction_per_m: float,
+        receiver: Receiver,
+        beam: BeamShape,
+    ) -> "ParticleTable":
         """Tabulate particles in air of an extinction coefficient at 905 nm."""
         range_m = np.arange(MIN_RANGE_M, MAX_RANGE_M, RANGE_STEP_M)
-        least_mm = min_detectable_diameter_mm(range_m, sizes, extinction_per_m, MIN_PARTICLE_POWER)
-        per_m = beam_cross_section_m2(range_m) * sizes.number_concentration_above(least_mm)
+        least_mm = min_detectable_diameter_mm(
+            range_m, sizes, extinction_per_m, receiver, beam, MIN_PARTICLE_POWER
+        )
+        per_m = beam.cross_section_m2(range_m) * sizes.number_concentration_above(least_mm)
         steps = np.concatenate([[0.0], (per_m[1:] + per_m[:-1]) / 2.0 * RANGE_STEP_M])
         count = np.cumsum(steps)
         middle = np.interp((np.arange(NUM_LEVELS) + 0.5) * (count[-1] / NUM_LEVELS), count, range_m)
@@ -215,24 +230,19 @@ class ParticleTable:
         return -np.log1p(-uniform * cut) / slope
 
 
-def beam_cross_section_m2(range_m: Float64Array) -> Float64Array:
-    """Compute the cross-section (n,) of a beam, an ellipse."""
-    wide, high = (
-        size + opening * range_m
-        for size, opening in zip(BEAM_APERTURE_M, BEAM_DIVERGENCE_RAD, strict=True)
-    )
-    return math.pi / 4.0 * wide * high
-
-
 def min_detectable_diameter_mm(
-    range_m: Float64Array, sizes: ParticleSizeDistribution, extinction_per_m: float, power: float
+    range_m: Float64Array,
+    sizes: ParticleSizeDistribution,
+    extinction_per_m: float,
+    receiver: Receiver,
+    beam: BeamShape,
+    power: float,
 ) -> Float64Array:
     """Compute the melted diameter (n,) of a particle that returns `power` times the threshold."""
     # A particle returns the fraction of a beam-filling target that its area is of the beam's.
-    filling = received_power(
-        range_m, np.full_like(range_m, PARTICLE_REFLECTANCE[sizes.kind]), extinction_per_m
-    )
-    area_m2 = power / filling * beam_cross_section_m2(range_m)
+    reflectance = np.full_like(range_m, PARTICLE_REFLECTANCE[sizes.kind])
+    filling = receiver.received_power(range_m, reflectance, extinction_per_m)
+    area_m2 = power / filling * beam.cross_section_m2(range_m)
     return np.sqrt(area_m2 * 4.0 / math.pi) * 1e3 / sizes.air_to_melted_diameter
 
 
@@ -254,10 +264,15 @@ class PlumeCrossing:
 
 
 def find_plume_crossings(
-    lidar: Lidar, world_from_lidar: Matrix, states: Iterable[ActorState]
+    lidar: Lidar,
+    world_from_lidar: Matrix,
+    states: Iterable[ActorState],
+    *,
+    scan_index: int = 0,
 ) -> Iterator[PlumeCrossing]:
     """Find every plume that beams of a LiDAR at a pose (4, 4) cross, in the order of vehicles."""
-    directions, grid = beam_directions(lidar), BeamGrid.from_lidar(lidar, world_from_lidar)
+    directions = beam_directions(lidar, scan_index)
+    grid = BeamGrid.from_lidar(lidar, world_from_lidar)
     for state in iterate_spraying_states(states):
         plume = SprayPlume.from_state(state)
         offset = plume.world_from_plume[:3, 3] - world_from_lidar[:3, 3]

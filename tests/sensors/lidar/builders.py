@@ -21,14 +21,14 @@ from advercity.sensors.lidar import (
     derive_lidar_conditions,
     measure_point_cloud,
 )
-from advercity.sensors.lidar.received_power import (
-    detection_margin_sigma,
-    received_power,
-)
+from advercity.sensors.lidar.received_power import Receiver, detection_margin_sigma
 from advercity.sensors.measurements import PointCloud, PointKind
 from advercity.world import Body, World
 
 Array = NDArray[np.float64]
+
+
+received_power = Receiver.from_lidar(Lidar()).received_power
 
 
 CLEAR = {"air": {"mor_m": 20_000}}
@@ -54,7 +54,7 @@ ROADSIDE = Lidar(
 
 def air(**parts: Any) -> LidarConditions:
     weather = Weather.model_validate({"id": "tried", "time": "day"} | CLEAR | parts)
-    return derive_lidar_conditions(compute_atmosphere(weather, "rural"), weather.lens)
+    return derive_lidar_conditions(compute_atmosphere(weather, "rural"), weather.lens, weather.fog)
 
 
 def vary(lidar: Lidar, **fields: Any) -> Lidar:

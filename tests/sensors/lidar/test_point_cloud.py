@@ -20,10 +20,7 @@ from advercity.sensors.lidar import (
     derive_lidar_conditions,
     measure_point_cloud,
 )
-from advercity.sensors.lidar.received_power import (
-    detection_margin_sigma,
-    received_power,
-)
+from advercity.sensors.lidar.received_power import detection_margin_sigma
 from advercity.sensors.measurements import PointKind
 from tests.sensors.lidar.builders import (
     DARK,
@@ -38,6 +35,7 @@ from tests.sensors.lidar.builders import (
     panel,
     raycaster_of,
     raycaster_with,
+    received_power,
     scanned,
     upright,
     vary,

@@ -10,13 +10,20 @@ from hypothesis import strategies as st
 from advercity.physics.extinction import extinction_from_mor
 from advercity.physics.water import fresnel_reflectance
 from advercity.sensors.lidar.received_power import (
+    Receiver,
     daylight_noise_factor,
     detection_margin_sigma,
-    detection_range_m,
-    received_power,
     wet_reflectance_ratio,
 )
-from tests.sensors.lidar.builders import DARK, air, half_detection_range_m, measure, panel, vary
+from tests.sensors.lidar.builders import (
+    DARK,
+    air,
+    half_detection_range_m,
+    measure,
+    panel,
+    received_power,
+    vary,
+)
 
 
 def test_a_target_of_ten_per_cent_is_detected_to_80_m_in_clear_air() -> None:
@@ -31,6 +38,7 @@ def test_fog_shortens_the_range_of_ten_per_cent(mor_m: float, range_m: float) ->
 
 def test_descriptions_name_the_last_step_of_range_at_which_a_target_is_found() -> None:
     foggy = air(air={"mor_m": None}, fog={"mor_m": 100}).extinction_per_m
+    detection_range_m = Receiver.from_lidar(DARK).detection_range_m
     found_m = detection_range_m(0.10, foggy)
     assert 0.0 <= half_detection_range_m(0.10, foggy) - found_m < 0.1
     assert found_m == pytest.approx(30.8, abs=0.1)

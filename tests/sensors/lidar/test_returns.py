@@ -39,8 +39,8 @@ def returns_of_every_beam(kind: int, beams: int = 4000) -> Returns:
 def test_the_comparison_of_two_sources_selects_what_sorting_selects(report: ReturnMode) -> None:
     one, other = returns_of_every_beam(1), returns_of_every_beam(2)
     third = returns_of_every_beam(3).select(np.arange(len(one)) % 5 == 0)
-    quick = select_reported([one, other], [third], len(one), report)
-    slow = select_reported([], [one, other, third], len(one), report)
+    quick = select_reported([one, other], [third], len(one), report, 0.749)
+    slow = select_reported([], [one, other, third], len(one), report, 0.749)
     assert len(slow) > 1000
     for column in ("beam", "range_m", "power", "kind"):
         np.testing.assert_array_equal(getattr(quick, column), getattr(slow, column))

@@ -1,0 +1,87 @@
+"""LiDARs of rigs by the names of models: what a rig does not give is the model's."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, cast
+
+from advercity_dsl.base import ValuePath
+
+from advercity.compiler.extends import (
+    Documents,
+    ResolvedDeclaration,
+    merge_mappings,
+    resolve_extends,
+)
+from advercity.compiler.shipped_library import suggest_declaration
+from advercity.compiler.source import SourceDocument, iterate_values, replace_values
+from advercity.diagnostics import DiagnosticsError
+
+CARRIERS = ("vehicle", "roadside_unit")
+KIND = "lidar_model"
+
+
+def names_lidar_model(data: Any) -> bool:
+    """Return whether the data of a rig have a LiDAR that names a model."""
+    return next(_iterate_named(data), None) is not None
+
+
+def apply_lidar_models(rig: ResolvedDeclaration, documents: Documents) -> ResolvedDeclaration:
+    """Fill in the figures of every LiDAR of a rig that names a model.
+
+    Raises:
+        DiagnosticsError: A name is that of no model.
+    """
+    data, origins = rig.data, dict(rig.origins)
+    for value_path, written in _iterate_named(rig.data):
+        model = _find_model(rig, value_path, written["model"], documents)
+        figures: Any = model.data.get("lidar")
+        # A model with another shape has errors of its own, which are reported at its file.
+        if not isinstance(figures, dict):
+            continue
+        inherited = cast(dict[str, Any], figures)
+        merged = merge_mappings(inherited, written)
+        data = replace_values(data, {value_path: merged})
+        document = _move_values(model.document, ("lidar",), value_path)
+        for path, _ in iterate_values(inherited):
+            if not rig.has_value((*value_path, *path)):
+                origins[(*value_path, *path)] = document
+    return replace(rig, data=data, origins=origins)
+
+
+def _iterate_named(data: Any) -> Iterator[tuple[ValuePath, dict[str, Any]]]:
+    """Yield the LiDARs of a rig's data that name a model, with their paths."""
+    for carrier in CARRIERS:
+        sensors = _get_mapping(data, carrier)
+        more = _get_mapping(sensors, "more_lidars")
+        found = [
+            ((carrier, "lidar"), _get_mapping(sensors, "lidar")),
+            *(((carrier, "more_lidars", name), _get_mapping(more, name)) for name in more),
+        ]
+        yield from ((path, lidar) for path, lidar in found if isinstance(lidar.get("model"), str))
+
+
+def _get_mapping(data: Any, key: str) -> dict[str, Any]:
+    """Return the mapping at a key, or an empty one; the data are not validated yet."""
+    value = cast(dict[str, Any], data).get(key) if isinstance(data, dict) else None
+    return cast(dict[str, Any], value) if isinstance(value, dict) else {}
+
+
+def _find_model(
+    rig: ResolvedDeclaration, value_path: ValuePath, name: str, documents: Documents
+) -> ResolvedDeclaration:
+    if (KIND, name) not in documents:
+        known = [other for kind, other in documents if kind == KIND]
+        hint = suggest_declaration(KIND, name, known)
+        message = f"unknown LiDAR model '{name}'"
+        raise DiagnosticsError(rig.build_diagnostic((*value_path, "model"), message, hint=hint))
+    return resolve_extends((KIND, name), documents)
+
+
+def _move_values(document: SourceDocument, old: ValuePath, new: ValuePath) -> SourceDocument:
+    """Return a document whose values below one path are found below another."""
+    moved = {
+        (*new, *path[len(old) :]): position
+        for path, position in document.positions.items()
+        if path[: len(old)] == old
+    }
+    return replace(document, positions=moved, key_positions={})

@@ -1,0 +1,204 @@
+"""LiDARs of rigs, and named models that a library declares for them.
+
+Without any of `beam`, `receiver`, `elevations_deg`, `prisms` and what else is null or zero by
+default, a LiDAR is the ideal one of the original dataset.
+"""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from advercity_dsl.base import CompactModel, Declaration, Id, InvalidCombination, Items
+from advercity_dsl.mount import Elevation, Mount
+from advercity_dsl.units import (
+    Count,
+    Decibels,
+    Degrees,
+    Flag,
+    Fraction,
+    Lux,
+    Metres,
+    Millimetres,
+    Milliradians,
+    Nanoseconds,
+    Number,
+    PositiveMetres,
+    RangeReason,
+)
+
+MAX_CHANNELS = 256
+AzimuthOffset = Annotated[Degrees, Field(ge=-60, le=60)]
+Efficiency = Annotated[
+    Number, Field(ge=0.01, le=10), RangeReason("relative to the mean of all channels")
+]
+Divergence = Annotated[Milliradians, Field(ge=0.05, le=50)]
+ChannelTable = Literal["uniform", "hdl_32e", "vlp_32c"]
+
+
+class LidarBeam(CompactModel):
+    """Shape of a beam and length of its pulse; the defaults are those of the VLP-32C's manual."""
+
+    horizontal_mrad: Divergence = 3.0
+    """Full divergence along the scan."""
+    vertical_mrad: Divergence = 1.5
+    """Full divergence across the scan."""
+    width_mm: Annotated[Millimetres, Field(ge=0.1, le=200)] = 12
+    """Width where it leaves the sensor."""
+    height_mm: Annotated[Millimetres, Field(ge=0.1, le=200)] = 9
+    """Height where it leaves the sensor."""
+    pulse_ns: Annotated[Nanoseconds, Field(ge=0.2, le=100)] = 5
+    """Full width of a pulse at half of its power. Returns within half of its length, 0.75 m for
+    5 ns, overlap and count as one."""
+
+
+class LidarReceiver(CompactModel):
+    """What a receiver detects, as data sheets state it: how far a target of 10 % is detected."""
+
+    range_at_10_percent_m: Annotated[PositiveMetres, Field(ge=1, le=1000)] = 80
+    """Range at which a target of 10 % that faces the sensor in clear air is detected."""
+    detection_probability: Annotated[Fraction, Field(ge=0.5, le=0.999)] = 0.5
+    """Probability with which it is detected there."""
+    illuminance_lx: Lux = 0
+    """Daylight in which that range holds; by night it is longer."""
+    near_field_m: Annotated[Metres, Field(ge=0, le=200)] = 10
+    """Range within which the receiver's gain is reduced, so that near returns grow no further. A
+    longer one suppresses fog, rain and snow, all of which return from near."""
+    min_range_m: Annotated[Metres, Field(ge=0, le=20)] = 0
+    """Range up to which returns are discarded."""
+    field_of_view_mrad: Annotated[Milliradians, Field(ge=0, le=500)] = 0
+    """Full angle from which a channel receives. Light that droplets and drops scatter forward,
+    which is half of all that they scatter, stays within it in part; 0 loses all of it."""
+    stray_light_db: Annotated[Decibels, Field(ge=-90, le=-20)] | None = None
+    """Power that a beam 1 deg off a target receives from it, relative to a beam on it; it falls
+    with the square of the angle. What is brighter than white, such as signs, blooms by it."""
+    white_level: Annotated[Count, Field(ge=1, le=254)] | None = None
+    """Level from 0 to 255 that the sensor reports for a diffuse target of 100 %; the levels above
+    are for retroreflectors. `null` reports the reflectance itself, at most 1."""
+    range_step_m: Annotated[Metres, Field(ge=0, le=1)] = 0
+    """Step of reported ranges; 0 reports them in full."""
+
+
+class PrismScan(CompactModel):
+    """Two wedge prisms that turn on one axis and deflect all beams (a Risley pair).
+
+    A beam is off the axis by the sum of two turning vectors. The pattern goes on from scan to scan
+    and fills a disc.
+    """
+
+    first_deg: Annotated[Degrees, Field(gt=0, le=45)]
+    """Deflection by the first prism."""
+    second_deg: Annotated[Degrees, Field(gt=0, le=45)]
+    """Deflection by the second prism."""
+    first_rpm: Annotated[Number, Field(ge=-100_000, le=100_000)]
+    """Revolutions of the first prism per minute; negative turns clockwise, seen along the axis."""
+    second_rpm: Annotated[Number, Field(ge=-100_000, le=100_000)]
+    """Revolutions of the second prism per minute."""
+
+
+class Lidar(CompactModel):
+    """A spinning LiDAR with ten scans a second, each starting straight ahead and turning left.
+
+    The defaults are those of the original dataset: an ideal instrument that scans in an instant,
+    but through the weather. With `prisms` it looks ahead instead of spinning.
+    """
+
+    model: Id | None = None
+    """Model of the library whose figures hold for all fields that are not given here."""
+
+    mount: Mount = Mount()
+    """Pose on the carrier."""
+    channel_table: ChannelTable = "uniform"
+    """Elevations of the channels: uniform from `lower_deg` to `upper_deg`, or of a real sensor."""
+    elevations_deg: Annotated[Items[Elevation], Field(max_length=MAX_CHANNELS)] = ()
+    """Elevation of every channel, in any order; without them, `channel_table` has them."""
+    azimuth_offsets_deg: Annotated[Items[AzimuthOffset], Field(max_length=MAX_CHANNELS)] = ()
+    """Azimuth of every channel relative to the head, positive to the left, in the same order."""
+    channel_efficiency: Annotated[Items[Efficiency], Field(max_length=MAX_CHANNELS)] = ()
+    """Power of every channel relative to the mean, in the order of `elevations_deg`; without
+    those, from the lowest up. Reported intensities are calibrated, so it shows in ranges only."""
+    prisms: PrismScan | None = None
+    """Prisms that scan ahead, in place of a spinning head."""
+    channels: Annotated[Count, Field(ge=1, le=MAX_CHANNELS)] = 32
+    """Number of channels."""
+    lower_deg: Elevation = -25
+    """Elevation of the lowest beam."""
+    upper_deg: Elevation = 15
+    """Elevation of the highest beam."""
+    azimuths: Annotated[Count, Field(ge=16, le=36_000)] = 3750
+    """Beams per channel in one scan."""
+    beam: LidarBeam = LidarBeam()
+    """Shape of the beams."""
+    receiver: LidarReceiver = LidarReceiver()
+    """Sensitivity and processing of the receiver."""
+    range_m: Annotated[PositiveMetres, Field(ge=1, le=1000)] = 200
+    """Maximum range."""
+    sub_rays: Literal[1, 7] = 1
+    """Rays per beam; with 7, a beam can hit two surfaces at an edge."""
+    motion_distortion: Flag = False
+    """Whether the scan takes one tick while everything moves, instead of an instant."""
+    echoes: Literal["strongest", "last", "dual"] = "strongest"
+    """Which returns of a beam are reported; dual is both."""
+    detection: Literal["noisy", "step"] = "noisy"
+    """Whether noise of the receiver affects detection near the threshold, or a step decides."""
+    range_noise_m: Annotated[Metres, Field(ge=0, le=1)] = 0
+    """Standard deviation of the range."""
+    range_noise_model: Literal["fixed", "signal"] = "fixed"
+    """`signal` adds noise for weak returns: 0.75 m over the signal-to-noise ratio."""
+    soft_gain: Annotated[Number, Field(ge=0, le=100)] = 1
+    """Gain on returns from fog, dust and spray; below 1 for receivers that suppress them."""
+    sunlight_noise: Flag = True
+    """Whether daylight raises the threshold and the sun blinds beams towards it."""
+    dropoff_rate: Fraction = 0
+    """Fraction of rays that are dropped at random."""
+    dropoff_intensity_limit: Fraction = 1
+    """Intensity below which a return may be lost."""
+    dropoff_zero_intensity: Fraction = 0
+    """Probability that a return of zero intensity is lost; lower for stronger ones."""
+
+    @model_validator(mode="after")
+    def _check_channel_count(self) -> Self:
+        if self.elevations_deg:
+            if self.channel_table != "uniform":
+                hint = "give one of both"
+                message = f"are given, and so is channel_table: {self.channel_table}"
+                raise InvalidCombination(("elevations_deg",), message, hint)
+        elif self.channel_table != "uniform" and self.channels != 32:
+            raise ValueError(f"{self.channel_table} has 32 channels, not {self.channels}")
+        if self.azimuth_offsets_deg and not self.elevations_deg:
+            hint = "give elevations_deg in the same order"
+            raise InvalidCombination(("azimuth_offsets_deg",), "have no elevations", hint)
+        for name in ("elevations_deg", "azimuth_offsets_deg", "channel_efficiency"):
+            count = len(getattr(self, name))
+            if count not in (0, self.channels):
+                message = f"has {count} values for {self.channels} channels"
+                raise InvalidCombination((name,), message, "give one for each of `channels`")
+        return self
+
+    @model_validator(mode="after")
+    def _check_elevation_range(self) -> Self:
+        if self.upper_deg <= self.lower_deg:
+            raise ValueError(
+                f"upper_deg {self.upper_deg:g} is not above lower_deg {self.lower_deg:g}"
+            )
+        return self
+
+
+class LidarModel(Declaration):
+    """A LiDAR as one can buy it, which rigs name: `lidar: {model: ID}`."""
+
+    kind: Literal["lidar_model"] = "lidar_model"
+    wavelength_nm: Annotated[
+        Number,
+        Field(ge=820, le=980),
+        RangeReason("reflectances and extinctions are those of 905 nm"),
+    ] = 905
+    """Wavelength. Nothing depends on it: within its bounds materials and air hardly do."""
+    lidar: Lidar
+    """Its figures; a rig gives the mount, and may give other figures."""
+
+    @model_validator(mode="after")
+    def _check_model(self) -> Self:
+        if self.lidar.model is not None:
+            hint = "remove it; models build on others by `extends`"
+            raise InvalidCombination(("lidar", "model"), "is for rigs", hint)
+        return self
