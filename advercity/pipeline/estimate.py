@@ -63,6 +63,7 @@ OTHER_BYTES_PER_AGENT = 200e3
 MEMORY_BYTES, MEMORY_BYTES_PER_PIXEL = 900e6, 60.0
 # Rates of two cores without a GPU. They serve only for the time limit, which is 20 times as wide.
 SLOW_SETUP_S, SLOW_S_PER_BEAM, SLOW_S_PER_PIXEL = 20.0, 3e-6, 6e-7
+SLOW_S_PER_TRACED_SAMPLE = 2.5e-6
 
 
 @dataclass(frozen=True)
@@ -266,14 +267,17 @@ def estimate_run(
         for spec, work, rate in zip(specs, works, rates, strict=True)
     )
     worker_count = jobs or choose_worker_count(estimates)
-    return RunEstimate(estimates, worker_count, _choose_limits(estimates, works))
+    return RunEstimate(estimates, worker_count, _choose_limits(estimates, works, profile))
 
 
 def _choose_limits(
-    estimates: Sequence[ScenarioEstimate], works: Sequence[FrameWork]
+    estimates: Sequence[ScenarioEstimate], works: Sequence[FrameWork], profile: RenderProfile
 ) -> ResourceLimits:
+    pixel_s = SLOW_S_PER_PIXEL
+    if profile.renderer == "ray_traced":
+        pixel_s += SLOW_S_PER_TRACED_SAMPLE * profile.samples
     slow_s = [
-        SLOW_SETUP_S + item.frames * (SLOW_S_PER_BEAM * work.beams + SLOW_S_PER_PIXEL * work.pixels)
+        SLOW_SETUP_S + item.frames * (SLOW_S_PER_BEAM * work.beams + pixel_s * work.pixels)
         for item, work in zip(estimates, works, strict=True)
     ]
     times_s = [item.time_s for item in estimates if item.time_s is not None]

@@ -361,3 +361,16 @@ def test_requested_limits_hold_and_the_others_come_from_the_estimate(
     assert limits.memory_bytes == 123
     assert limits.time_s is not None
     assert limits.time_s > 3600
+
+
+def test_traced_images_have_time_for_every_sample(
+    specs: dict[str, Spec], options: OptionsFor, tmp_path: Path
+) -> None:
+    large = [
+        replace(options(tmp_path), profile=profile, scale=1.0) for profile in ("preview", "full")
+    ]
+    raster, traced = (
+        ask(specs["ui_fog_day_sparse"], item, allow_large=True).limits.time_s or 0.0
+        for item in large
+    )
+    assert traced > 5.0 * raster
