@@ -33,6 +33,20 @@ class Semantic(IntEnum):
     TERRAIN = 22
 
 
+OPAQUE_TO_RADIO = frozenset(
+    {
+        Semantic.BUILDING,
+        Semantic.WALL,
+        Semantic.BRIDGE,
+        Semantic.GROUND,
+        Semantic.TERRAIN,
+        Semantic.ROAD,
+        Semantic.SIDEWALK,
+    }
+)
+"""What no radio wave passes; plants, poles and signs are thinner than that."""
+
+
 PALETTE = np.array(
     [
         (0, 0, 0),

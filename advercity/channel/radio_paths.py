@@ -9,19 +9,9 @@ from advercity.channel.propagation import PathState, RadioPath
 from advercity.frames import ActorState, Frame
 from advercity.geometry.arrays import Float64Array
 from advercity.rendering.raycaster import Raycaster, RayHits, Rays
-from advercity.semantics import Semantic
+from advercity.semantics import OPAQUE_TO_RADIO
 from advercity.world import World
 
-OPAQUE = {
-    Semantic.BUILDING,
-    Semantic.WALL,
-    Semantic.BRIDGE,
-    Semantic.GROUND,
-    Semantic.TERRAIN,
-    Semantic.ROAD,
-    Semantic.SIDEWALK,
-}
-"""What makes a path one without line of sight; plants, poles and signs are thinner than that."""
 BLOCKING_CLASSES = ("car", "van", "truck")
 """Actors that block a path as vehicles do in TR 37.885."""
 
@@ -43,7 +33,7 @@ class RadioPaths:
     """Finds the paths between antennas in a world, frame by frame."""
 
     def __init__(self, world: World) -> None:
-        static = tuple(mesh for mesh in world.static if mesh.semantic in OPAQUE)
+        static = tuple(mesh for mesh in world.static if mesh.semantic in OPAQUE_TO_RADIO)
         self._raycaster = Raycaster(replace(world, static=static))
 
     def find(self, frame: Frame, pairs: Sequence[tuple[Antenna, Antenna]]) -> tuple[RadioPath, ...]:

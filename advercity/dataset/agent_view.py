@@ -39,7 +39,14 @@ from advercity.errors import InputError, describe_cause
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 from advercity.sensors.camera_model import CameraModel
-from advercity.sensors.measurements import GnssFix, ImuSample, OpticalFlow, RadarCube
+from advercity.sensors.measurements import (
+    GnssFix,
+    GnssSolution,
+    ImuSample,
+    OpticalFlow,
+    RadarCube,
+    SolutionQuality,
+)
 
 if TYPE_CHECKING:
     from advercity_dsl import Agent
@@ -322,7 +329,7 @@ class AgentView:
             document: dict[str, Any] = parse_yaml(raw, path, hint=REPAIR_HINT) or {}
             gnss, imu = document.get("gnss"), document.get("imu")
             return (
-                gnss and GnssFix(gnss["lat"], gnss["lon"], gnss["alt"], gnss["timestamp"]),
+                gnss and _parse_gnss(gnss),
                 imu and _parse_imu(imu),
             )
 
@@ -430,6 +437,29 @@ class AgentView:
         if image is None:
             raise InputError(f"{path}: is missing or no image; {REPAIR_HINT}")
         return image
+
+
+def _parse_gnss(fix: dict[str, Any]) -> GnssFix:
+    return GnssFix(
+        latitude_deg=fix["lat"],
+        longitude_deg=fix["lon"],
+        altitude_m=fix["alt"],
+        time_s=fix["timestamp"],
+        heading_rad=fix.get("heading"),
+        quality=_parse_quality(fix) if "solution" in fix else None,
+        earlier=tuple(map(_parse_gnss, fix.get("earlier", ()))),
+    )
+
+
+def _parse_quality(fix: dict[str, Any]) -> SolutionQuality:
+    return SolutionQuality(
+        solution=GnssSolution(fix["solution"]),
+        satellites=fix["satellites"],
+        visible=fix["visible"],
+        pdop=fix["pdop"],
+        hdop=fix["hdop"],
+        vdop=fix["vdop"],
+    )
 
 
 def _parse_imu(sample: dict[str, Any]) -> ImuSample:

@@ -87,7 +87,9 @@ class DatasetFormat:
 
 def has_motion_file(agent: Agent) -> bool:
     """Return whether an agent has a file of what GNSS and IMU report, in every frame."""
-    return agent.place.kind == "vehicle" or agent.sensors.imu is not None
+    sensors = agent.sensors
+    reports = sensors.imu is not None or sensors.gnss.mode == "satellites"
+    return reports or agent.place.kind == "vehicle"
 
 
 def format_opv2v_folder(agent: Agent) -> str:

@@ -34,7 +34,7 @@ from advercity.dataset.weather_truth import WeatherTruth
 from advercity.geometry import poses
 from advercity.materials import MATERIALS
 from advercity.sensors.annotation import Annotation
-from advercity.sensors.measurements import GnssFix, ImuSample
+from advercity.sensors.measurements import GnssFix, ImuSample, SolutionQuality
 from advercity.sensors.sensor_frame import ProjectedBox, SensorFrame
 
 UNLIMITED_LINE_WIDTH = 2**30
@@ -242,12 +242,28 @@ def build_motion_document(sensor_frame: SensorFrame) -> dict[str, Any]:
 
 
 def _describe_gnss(fix: GnssFix) -> dict[str, Any]:
+    """Describe a fix; `earlier` has those since the last frame, of a faster receiver."""
+    earlier = [_describe_gnss(one) for one in fix.earlier]
     return {
+        **({"earlier": earlier} if earlier else {}),
         # 1e-12 degrees are 0.1 micrometres; 1e-9 degrees would be 0.1 millimetres.
         "lat": to_plain(fix.latitude_deg, decimals=12),
         "lon": to_plain(fix.longitude_deg, decimals=12),
         "alt": to_plain(fix.altitude_m),
         "timestamp": to_plain(fix.time_s),
+        **({} if fix.heading_rad is None else {"heading": to_plain(fix.heading_rad)}),
+        **({} if fix.quality is None else _describe_quality(fix.quality)),
+    }
+
+
+def _describe_quality(quality: SolutionQuality) -> dict[str, Any]:
+    return {
+        "solution": quality.solution.value,
+        "satellites": quality.satellites,
+        "visible": quality.visible,
+        "pdop": to_plain(quality.pdop),
+        "hdop": to_plain(quality.hdop),
+        "vdop": to_plain(quality.vdop),
     }
 
 

@@ -48,6 +48,12 @@ def enu_from_geodetic(position: Geodetic, origin: Geodetic) -> Float64Array:
     return _ecef_from_enu(origin).T @ (_ecef_from_geodetic(position) - _ecef_from_geodetic(origin))
 
 
+def enu_from_ecef(ecef: ArrayLike, origin: Geodetic) -> Float64Array:
+    """Convert Earth-centred points (..., 3), metres, to the world frame at `origin`."""
+    relative = np.asarray(ecef, dtype=np.float64) - _ecef_from_geodetic(origin)
+    return relative @ _ecef_from_enu(origin)
+
+
 def _prime_vertical_radius_m(latitude: float) -> float:
     """Compute the radius of curvature in the prime vertical at a latitude in radians."""
     return SEMI_MAJOR_M / math.sqrt(1.0 - _ECCENTRICITY_2 * math.sin(latitude) ** 2)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from advercity_dsl import Agent, Mount, RoadsideUnit, Spec
@@ -26,10 +26,11 @@ from advercity.physics.timeline import WeatherTimeline
 from advercity.randomness import create_generator, sample_gauss_markov
 from advercity.roads.road_network import build_road
 from advercity.scene.parking import place_parked_cars
-from advercity.sensors.gnss import measure_gnss
+from advercity.sensors.gnss import ReceiverInPlace, SkyView, measure_gnss
 from advercity.sensors.imu import ImuConditions, measure_imu
 from advercity.sensors.measurements import GnssFix, ImuSample
 from advercity.sensors.radar import PlacedRadar
+from advercity.sensors.sample_times import list_sample_times
 from advercity.sensors.sensor_frame import CameraImage, LidarScan, RadarScan, SensorFrame
 from advercity.traffic.figures import assign_figures, number_figures
 from advercity.traffic.weather_effects import apply_lamp_state, raise_umbrellas
@@ -52,6 +53,7 @@ class AgentPoses:
         self._traced = lru_cache(maxsize=4)(trace.build_frame)
         self._shown = lru_cache(maxsize=4)(self._build_frame)
         self._parked = place_parked_cars(build_road(spec.road), spec.blueprints, spec.conflicts)
+        self._receivers: dict[str, ReceiverInPlace] = {}
         road = spec.road
         self._origin = Geodetic(road.origin_lat_deg, road.origin_lon_deg, road.origin_alt_m)
 
@@ -80,6 +82,7 @@ class AgentPoses:
         scans: tuple[LidarScan, ...],
         radar_scans: tuple[RadarScan, ...] = (),
         min_points: int = 0,
+        fix: GnssFix | None = None,
     ) -> SensorFrame:
         """Add pose, GNSS, IMU and planned path of an agent to what its other sensors saw.
 
@@ -90,22 +93,26 @@ class AgentPoses:
             scans: One per LiDAR.
             radar_scans: One per radar.
             min_points: Points that an actor must return to be annotated.
+            fix: Fix of a receiver of satellites, as `measure_fix` returns it; others need none.
         """
         world_from_agent = self.world_from_agent(agent, frame.index)
-        gnss = self._measure_gnss(agent, world_from_agent, frame)
+        has_satellites = agent.sensors.gnss.mode == "satellites"
+        gnss = fix if has_satellites else self._measure_gnss(agent, frame)
         is_unit = isinstance(agent.place, RoadsideUnit)
         return SensorFrame(
             agent=agent,
             frame=frame,
             world_from_agent=world_from_agent,
             estimated_world_from_agent=(
-                self._apply_gnss_position(world_from_agent, gnss) if is_unit else world_from_agent
+                self._apply_gnss_position(world_from_agent, gnss)
+                if is_unit and gnss is not None
+                else world_from_agent
             ),
             camera_images=images,
             lidar_scans=scans,
             radar_scans=radar_scans,
             min_points=min_points,
-            gnss=None if is_unit else gnss,
+            gnss=None if is_unit and not has_satellites else gnss,
             imu=self._measure_imu(agent, frame),
             planned_trajectory=() if is_unit else self._load_planned_path(agent, frame.index),
             conflict_roles=self._roles,
@@ -225,23 +232,68 @@ class AgentPoses:
         points = extract_planned_trajectory(self._trace, agent.number, index).tolist()
         return tuple((x, y, speed) for x, y, speed in points)
 
-    def _measure_gnss(self, agent: Agent, world_from_agent: Matrix, frame: Frame) -> GnssFix:
+    def measure_fix(self, agent: Agent, frame: Frame, sky: SkyView) -> GnssFix | None:
+        """Measure what an agent's receiver of satellites reports since the previous frame."""
+        gnss, key = agent.sensors.gnss, self._build_drive_key(agent)
+        if agent.id not in self._receivers:
+            self._receivers[agent.id] = ReceiverInPlace(
+                gnss.receiver,
+                sky,
+                self._origin,
+                pose_at=partial(self._find_pose, agent),
+                key=key,
+            )
+        receiver = self._receivers[agent.id]
+        times = list_sample_times(gnss, self._trace.tick_s, frame.index, key=(*key, "gnss"))
+        fixes = [
+            receiver.measure(
+                (frame.index - 1 + fraction) * self._trace.tick_s,
+                velocity=self._find_motion(agent, frame).velocity,
+                number=times.first + at,
+                step_s=times.step_s,
+                stamp_s=frame.time_s + (fraction - 1.0) * self._trace.tick_s,
+            )
+            for at, fraction in enumerate(times.fractions.tolist())
+        ]
+        return _join_fixes([fix for fix in fixes if fix is not None])
+
+    def _measure_gnss(self, agent: Agent, frame: Frame) -> GnssFix | None:
         gnss, index, key = agent.sensors.gnss, frame.index, self._build_drive_key(agent)
+        tick_s = self._trace.tick_s
+        times = list_sample_times(gnss, tick_s, index, key=(*key, "gnss"))
+        count = len(times.fractions)
+        if not count:
+            return None
         slow = sample_gauss_markov(
             create_generator(*key, "gnss wander"),
-            index,
-            index,
-            correlation=math.exp(-self._trace.tick_s / gnss.wander_time_s),
+            times.first,
+            times.first + count - 1,
+            correlation=math.exp(-times.step_s / gnss.wander_time_s),
             axes=3,
         )
-        return measure_gnss(
-            gnss,
-            world_from_agent[:3, 3],
-            origin=self._origin,
-            time_s=frame.time_s,
-            rng=create_generator(*key, "gnss", index),
-            slow_error=slow[0],
+        return _join_fixes(
+            [
+                measure_gnss(
+                    gnss,
+                    self._find_pose(agent, (index - 1 + fraction) * tick_s)[:3, 3],
+                    origin=self._origin,
+                    time_s=frame.time_s + (fraction - 1.0) * tick_s,
+                    rng=create_generator(*key, "gnss", times.first + at),
+                    slow_error=slow[at],
+                )
+                for at, fraction in enumerate(times.fractions.tolist())
+            ]
         )
+
+    def _find_pose(self, agent: Agent, time_s: float) -> Matrix:
+        """Find the pose (4, 4) of an agent at a time since the first frame, which it has before."""
+        at = round(time_s / self._trace.tick_s, 9)
+        index = max(math.ceil(at), 0)
+        now = self.world_from_agent(agent, index)
+        if at >= index or index == 0:
+            return now
+        last = self.world_from_agent(agent, index - 1)
+        return poses.interpolate_poses(last, now, [at - index + 1.0])[0]
 
     def _apply_gnss_position(self, world_from_agent: Matrix, gnss: GnssFix) -> Matrix:
         """Replace the position of a pose by the one that the receiver reports."""
@@ -277,6 +329,11 @@ class AgentPoses:
         """Build a key without the weather: the same drive has the same errors under all of them."""
         seeds = self.spec.seeds
         return seeds.sensors, seeds.traffic, self.spec.road.id, agent.id
+
+
+def _join_fixes(fixes: Sequence[GnssFix]) -> GnssFix | None:
+    """Join the fixes of a frame to the last of them with those before it; None if none is."""
+    return replace(fixes[-1], earlier=tuple(fixes[:-1])) if fixes else None
 
 
 def _extrapolate_back(state: ActorState, after: Mapping[int, Matrix]) -> ActorState:

@@ -48,6 +48,7 @@ def load_sensor_frames(
             images=tuple(_load_images(stored[agent.id], poses.world_from_cameras(agent, index))),
             scans=tuple(_load_scans(stored[agent.id], poses.world_from_lidars(agent, frame))),
             radar_scans=tuple(_load_radars(stored[agent.id], poses.place_radars(agent, frame))),
+            fix=stored[agent.id].motion[0],
         )
         for agent in scenario.spec.agents
     )

@@ -34,12 +34,13 @@ from advercity.sensors.annotation import build_hull_point_lookup, count_lidar_hi
 from advercity.sensors.camera import CameraExposure, render_image
 from advercity.sensors.camera.lens_map import build_lens_map
 from advercity.sensors.camera_model import CameraModel
+from advercity.sensors.gnss import SkyView
 from advercity.sensors.lidar import (
     ScanHits,
     cast_scan,
     measure_point_cloud,
 )
-from advercity.sensors.measurements import OpticalFlow
+from advercity.sensors.measurements import GnssFix, OpticalFlow
 from advercity.sensors.optical_flow import CameraMotion, build_point_mover, measure_optical_flow
 from advercity.sensors.radar import PlacedRadar, SceneMotion, scan_radar
 from advercity.sensors.sensor_frame import (
@@ -77,6 +78,7 @@ class SensorRig:
         self._spec, self._profile, self._poses = spec, prepared.profile, prepared.poses
         self._backend_name = prepared.backend.name
         self._world, self._renderer, self._raycaster = world, renderer, Raycaster(world)
+        self._sky = SkyView(self._raycaster)
         self._conditions_by_frame, self._conditions = conditions, conditions.at(0)
         self._light_sources: tuple[LightSource, ...] = ()
         self._hull_points = build_hull_point_lookup(world.bodies)
@@ -89,6 +91,7 @@ class SensorRig:
         """Capture what every agent senses in recorded frame `index`, in the spec's order."""
         frame, agents = self._place_frame(index), self._spec.agents
         motion = SceneMotion(frame, self._world.bodies)
+        fixes = self._measure_fixes(frame)
         radars = {agent.id: self._poses.place_radars(agent, frame) for agent in agents}
         captures = self._renderer.render_cameras(
             [
@@ -98,7 +101,12 @@ class SensorRig:
             ]
         )
         return self._send_messages(
-            [self._build_sensor_frame(agent, frame, captures, radars, motion) for agent in agents]
+            [
+                self._build_sensor_frame(
+                    agent, frame, captures, radars, motion, fixes.get(agent.id)
+                )
+                for agent in agents
+            ]
         )
 
     def capture_image(self, agent: Agent, camera: int, index: int) -> Uint8Array:
@@ -137,6 +145,7 @@ class SensorRig:
         captures: Iterator[CameraCapture],
         radars: Mapping[str, Sequence[PlacedRadar]],
         motion: SceneMotion,
+        fix: GnssFix | None,
     ) -> SensorFrame:
         return self._poses.build_sensor_frame(
             agent,
@@ -145,7 +154,19 @@ class SensorRig:
             scans=tuple(self._measure_scans(agent, frame)),
             radar_scans=tuple(self._scan_radars(agent, radars, motion)),
             min_points=self._min_points,
+            fix=fix,
         )
+
+    def _measure_fixes(self, frame: Frame) -> dict[str, GnssFix | None]:
+        """Measure the fixes of all receivers of satellites, by their agents' ids.
+
+        All before the other sensors, since their rays are cast into a world without actors.
+        """
+        return {
+            agent.id: self._poses.measure_fix(agent, frame, self._sky)
+            for agent in self._spec.agents
+            if agent.sensors.gnss.mode == "satellites"
+        }
 
     def _send_messages(self, sensor_frames: Sequence[SensorFrame]) -> tuple[SensorFrame, ...]:
         """Add what every agent sends, if the scenario has a channel."""

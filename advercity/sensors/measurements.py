@@ -4,12 +4,45 @@ Datasets' readers import these types, so this module imports nothing but NumPy.
 """
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
+
+
+class GnssSolution(StrEnum):
+    """How a position was computed."""
+
+    SINGLE = "single"
+    """Of code ranges alone."""
+    FLOAT = "float"
+    """Of carrier phases with a base station, whose ambiguities are not whole numbers yet."""
+    FIXED = "fixed"
+    """Of carrier phases with whole ambiguities."""
+
+
+@dataclass(frozen=True)
+class SolutionQuality:
+    """What a satellite receiver says of its fix.
+
+    Attributes:
+        solution: How it was computed.
+        satellites: Number of satellites used.
+        visible: Number of satellites above the horizon with nothing solid in the way: truth, which
+            no receiver knows.
+        pdop: Dilution of precision of the position.
+        hdop: Dilution of precision of the horizontal position.
+        vdop: Dilution of precision of the height.
+    """
+
+    solution: GnssSolution
+    satellites: int
+    visible: int
+    pdop: float
+    hdop: float
+    vdop: float
 
 
 @dataclass(frozen=True)
@@ -21,6 +54,12 @@ class GnssFix:
     altitude_m: float
     time_s: float
     """Time since the scenario's start, as `Frame.time_s`."""
+    heading_rad: float | None = None
+    """Heading clockwise from north, of a receiver with two antennas."""
+    quality: SolutionQuality | None = None
+    """Of a receiver with satellites."""
+    earlier: "tuple[GnssFix, ...]" = ()
+    """Fixes since the previous frame, of a receiver faster than the frames."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,8 @@ from advercity_dsl.inertial import Imu
 from advercity_dsl.lens import MAX_RENDERED_PX, CameraLens, find_edge_angle
 from advercity_dsl.lidar import Lidar
 from advercity_dsl.mount import Mount
+from advercity_dsl.positioning import SatelliteReceiver
+from advercity_dsl.sampling import Sampled
 from advercity_dsl.units import (
     Count,
     DecibelMilliwatts,
@@ -163,15 +165,18 @@ class Radar(CompactModel):
     """Pose of each radar of this kind."""
 
 
-class Gnss(CompactModel):
-    """Satellite positioning with white noise in degrees or with the errors of a real receiver.
+class Gnss(Sampled):
+    """Satellite positioning: with noise alone, or by satellites among walls and trees.
 
-    `carla` uses the noise in degrees and `altitude_noise_m`; `realistic` uses the other fields:
-    white noise plus a first-order Gauss-Markov error, both in metres and larger vertically.
+    `carla` uses the noise in degrees and `altitude_noise_m`; `realistic` white noise plus a
+    first-order Gauss-Markov error, both in metres and larger vertically; `satellites` ranges to
+    satellites as `receiver` says.
     """
 
-    mode: Literal["carla", "realistic"] = "carla"
-    """Error model: that of CARLA, or of a real receiver."""
+    mode: Literal["carla", "realistic", "satellites"] = "carla"
+    """Error model: that of CARLA, of a real receiver in the open, or one of the place."""
+    receiver: SatelliteReceiver = SatelliteReceiver()
+    """The receiver, for `satellites`."""
     latitude_noise_deg: Annotated[
         Degrees, Field(ge=0, le=0.01), RangeReason("0.01 deg are a kilometre")
     ] = 0

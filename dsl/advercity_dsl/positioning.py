@@ -1,0 +1,64 @@
+"""Satellite receivers: what they receive, track and solve for."""
+
+from datetime import datetime
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator
+
+from advercity_dsl.base import CompactModel, Items
+from advercity_dsl.units import Decibels, Degrees, Hertz, Metres, Number, Seconds
+
+ConstellationName = Literal["gps", "galileo", "glonass", "beidou"]
+AntennaOffset = Annotated[Metres, Field(ge=-100, le=100)]
+
+
+class SatelliteReceiver(CompactModel):
+    """A receiver among buildings and trees: it ranges to satellites and solves for its position.
+
+    The defaults are those of a good receiver of one frequency in a car, without corrections.
+    """
+
+    start_utc: str = "2024-06-21T12:00:00"
+    """Date and time at the scenario's start, as ISO 8601: it decides where satellites are."""
+    constellations: Annotated[Items[ConstellationName], Field(min_length=1, max_length=4)] = (
+        "gps",
+        "galileo",
+    )
+    """Whose satellites it receives; every constellation has 24."""
+    antenna_m: tuple[AntennaOffset, AntennaOffset, AntennaOffset] = (0, 0, 1.5)
+    """Place of the antenna on the carrier: forward, left, up. Fixes are of the carrier's origin."""
+    mask_deg: Annotated[Degrees, Field(ge=0, le=60)] = 5
+    """Elevation above which satellites are used."""
+    cn0_zenith_db_hz: Annotated[Number, Field(ge=30, le=60)] = 48
+    """Carrier over noise density of an open signal from the zenith, dB-Hz."""
+    cn0_drop_db: Annotated[Decibels, Field(ge=0, le=30)] = 10
+    """By how much it is less at the horizon."""
+    tracking_db_hz: Annotated[Number, Field(ge=10, le=45)] = 25
+    """Carrier over noise density below which a signal is lost."""
+    carrier_db_hz: Annotated[Number, Field(ge=10, le=50)] = 35
+    """Below this, the phase of its carrier is lost."""
+    correlator_chips: Annotated[Number, Field(ge=0.02, le=1)] = 0.1
+    """Spacing of the early and the late correlator: wide ones err more by reflections."""
+    loop_hz: Annotated[Hertz, Field(ge=0.05, le=20)] = 1
+    """Bandwidth of the tracking of the code."""
+    cross_polar_db: Annotated[Decibels, Field(ge=0, le=40)] = 10
+    """By how much the antenna suppresses signals whose polarisation a reflection has turned."""
+    signal_error_m: Annotated[Metres, Field(ge=0, le=100)] = 0.5
+    """Standard deviation of orbit and clock of each satellite."""
+    atmosphere_m: Annotated[Metres, Field(ge=0, le=100)] = 1.0
+    """Standard deviation of what the delay of the air is wrong by, at the zenith."""
+    corrections: Literal["none", "rtk"] = "none"
+    """Whether carrier phases are corrected by a base station."""
+    base_km: Annotated[Number, Field(ge=0, le=100)] = 5
+    """Distance of the base station: errors of a millionth of it remain."""
+    time_to_fix_s: Annotated[Seconds, Field(ge=0, le=120)] = 10
+    """Time for which five carriers must be tracked without a break until ambiguities are fixed."""
+    heading_baseline_m: Annotated[Metres, Field(ge=0, le=20)] = 0
+    """Distance of a second antenna ahead of the first, which gives the heading; 0 is none."""
+
+    @field_validator("start_utc")
+    @classmethod
+    def _check_start(cls, text: str) -> str:
+        if datetime.fromisoformat(text).tzinfo is not None:
+            raise ValueError(f"'{text}' has an offset; write the time in UTC without one")
+        return text
