@@ -7,7 +7,7 @@ distance. False predictions have no number of points, so they count in every cel
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args
@@ -22,6 +22,7 @@ from advercity.benchmark.average_precision import (
     compute_calibration_error,
     estimate_interval,
 )
+from advercity.benchmark.frame_selection import select_frames
 from advercity.benchmark.matching import UNMATCHED, compute_overlaps, match_boxes
 from advercity.benchmark.predictions import (
     NO_PREDICTIONS,
@@ -39,7 +40,6 @@ from advercity.benchmark.truth import (
     to_box,
 )
 from advercity.dataset.reader import Dataset, FrameView, Scenario
-from advercity.dataset.scenario_folders import no_frames_error
 from advercity.dataset.statistics import StatisticsTable
 from advercity.errors import InputError
 from advercity.geometry import poses
@@ -64,6 +64,8 @@ class EvaluationOptions:
         range_m: Half length and half width of the area that counts, in the ego's LiDAR frame.
         min_points: Points that an object needs to count.
         bootstrap: Draws for the intervals.
+        frames: Recorded frames of each scenario that are evaluated, counted from the first kept
+            one.
     """
 
     classes: tuple[str, ...] = VEHICLES
@@ -71,6 +73,7 @@ class EvaluationOptions:
     range_m: tuple[float, float] = RANGE_M
     min_points: int = 0
     bootstrap: int = 200
+    frames: slice = field(default_factory=lambda: slice(None))
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,27 +130,27 @@ def evaluate_predictions(
     """
     options = options or EvaluationOptions()
     _check_classes(options.classes)
-    loaded, opened = load_predictions(predictions), Dataset(dataset)
-    scenes = tuple(scenario for scenario in opened.scenarios if len(scenario))
-    if not scenes:
-        raise no_frames_error(dataset)
-    keys = [(scenario.spec.id, number) for scenario in scenes for number in scenario.frame_numbers]
-    unknown = sorted(loaded.frames.keys() - set(keys))
+    loaded, scenes = load_predictions(predictions), Dataset(dataset).scenarios
+    written = [(scene.spec.id, number) for scene in scenes for number in scene.frame_numbers]
+    unknown = sorted(loaded.frames.keys() - set(written))
     if unknown:
         scenario, frame = unknown[0]
         message = f"frame {frame} of {scenario} is not in {dataset}"
         more = f", and {len(unknown) - 1} more" if len(unknown) > 1 else ""
         raise InputError(f"{predictions}: {message}{more}")
-    counted = _count_frames(scenes, loaded, options)
-    rows = [
-        row for by, split in _CUTS.items() for row in _evaluate_cut(by, split, counted, options)
-    ]
+    chosen = select_frames(dataset, options.frames)
+    counted = _count_frames(chosen, loaded, options)
+    cuts = _CUTS
+    if any(scenario.spec.provenance.sweep for scenario in counted.scenes):
+        cuts = _CUTS | {"sweep": _split_by_scene(_describe_sweep)}
+    rows = [row for by, split in cuts.items() for row in _evaluate_cut(by, split, counted, options)]
     table = StatisticsTable(
         "benchmark",
         "Average precision by cell",
         {name: [row[name] for row in rows] for name in rows[0]},
     )
-    return Evaluation(table, len(keys), len(set(keys) - loaded.frames.keys()))
+    keys = {(frame.scenario.spec.id, frame.index) for frame in chosen}
+    return Evaluation(table, len(keys), len(keys - loaded.frames.keys()))
 
 
 def _check_classes(classes: Sequence[str]) -> None:
@@ -159,32 +162,34 @@ def _check_classes(classes: Sequence[str]) -> None:
 
 
 def _count_frames(
-    scenes: tuple[Scenario, ...], predictions: Predictions, options: EvaluationOptions
+    frames: Sequence[FrameView], predictions: Predictions, options: EvaluationOptions
 ) -> _Counted:
+    scenes = tuple({frame.scenario.path: frame.scenario for frame in frames}.values())
+    numbers = {scenario.path: number for number, scenario in enumerate(scenes)}
     truths: list[Float64Array] = []
     found: list[Float64Array] = []
     matched: dict[float, list[NDArray[np.int64]]] = {overlap: [] for overlap in OVERLAPS}
     count = 0
-    for scene, scenario in enumerate(scenes):
-        for frame in scenario:
-            truth = load_frame_truth(
-                frame,
-                classes=options.classes,
-                communication_range_m=options.communication_range_m,
-                range_m=options.range_m,
-                min_points=options.min_points,
-            )
-            line = predictions.frames.get((scenario.spec.id, frame.index), NO_PREDICTIONS)
-            kept = _select_predictions(line, frame, predictions, options)
-            for overlap, rows in _match_frame(kept, truth, count).items():
-                matched[overlap].append(rows)
-            wanted = truth.boxes[truth.is_counted]
-            count += len(wanted)
-            distances_m = np.hypot(wanted[:, 0], wanted[:, 1])
-            points = truth.points[truth.is_counted]
-            truths.append(np.column_stack([np.full(len(wanted), scene), distances_m, points]))
-            distances_m = np.hypot(kept.boxes[:, 0], kept.boxes[:, 1])
-            found.append(np.column_stack([np.full(len(kept), scene), distances_m, kept.scores]))
+    for frame in frames:
+        scene = numbers[frame.scenario.path]
+        truth = load_frame_truth(
+            frame,
+            classes=options.classes,
+            communication_range_m=options.communication_range_m,
+            range_m=options.range_m,
+            min_points=options.min_points,
+        )
+        line = predictions.frames.get((frame.scenario.spec.id, frame.index), NO_PREDICTIONS)
+        kept = _select_predictions(line, frame, predictions, options)
+        for overlap, rows in _match_frame(kept, truth, count).items():
+            matched[overlap].append(rows)
+        wanted = truth.boxes[truth.is_counted]
+        count += len(wanted)
+        distances_m = np.hypot(wanted[:, 0], wanted[:, 1])
+        points = truth.points[truth.is_counted]
+        truths.append(np.column_stack([np.full(len(wanted), scene), distances_m, points]))
+        distances_m = np.hypot(kept.boxes[:, 0], kept.boxes[:, 1])
+        found.append(np.column_stack([np.full(len(kept), scene), distances_m, kept.scores]))
     truth_table, found_table = (
         np.concatenate([np.empty((0, 3)), *rows]) for rows in (truths, found)
     )
@@ -251,6 +256,16 @@ def _split_by_scene(describe: Callable[[Scenario], str]) -> _Split:
         return names.tolist(), of_scene[counted.truth_scene], of_scene[counted.scene]
 
     return split
+
+
+def _describe_sweep(scenario: Scenario) -> str:
+    swept = scenario.spec.provenance.sweep
+    return "none" if swept is None else format_swept_value(swept.value)
+
+
+def format_swept_value(value: float) -> str:
+    """Format the value of a swept field, as cells are named."""
+    return f"{value:g}"
 
 
 def _split_by_distance(

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from advercity.cli.arguments import DatasetArgument, JsonOption
+from advercity.cli.arguments import DatasetArgument, JsonOption, parse_frame_slice
 from advercity.cli.output import print_data, print_remark
 
 benchmark = typer.Typer(
@@ -15,6 +15,111 @@ benchmark = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+
+
+_FramesOption = Annotated[
+    str | None,
+    typer.Option(metavar="A:B[:STEP]", help="Recorded frames of each scenario, B not included."),
+]
+_IdealOption = Annotated[
+    bool,
+    typer.Option(
+        "--ideal-channel",
+        help="Everything in range arrives at once, with true poses; else what the messages say.",
+    ),
+]
+_DeviceOption = Annotated[str, typer.Option(help="Device of PyTorch: cpu, cuda.")]
+
+
+@benchmark.command()
+def train(
+    dataset: DatasetArgument,
+    output: Annotated[Path, typer.Option(help="File of the detector.", dir_okay=False)],
+    fusion: Annotated[
+        str, typer.Option(help="none (also for late fusion), early or intermediate.")
+    ] = "none",
+    start: Annotated[
+        Path | None, typer.Option(help="Detector whose weights are taken over.", dir_okay=False)
+    ] = None,
+    steps: Annotated[int, typer.Option(min=1, max=10_000_000, help="Steps.")] = 3000,
+    batch: Annotated[int, typer.Option(min=1, max=1000, help="Samples of a step.")] = 2,
+    learning_rate: Annotated[
+        float, typer.Option(min=1e-9, max=1, help="Highest learning rate.")
+    ] = 2e-3,
+    channels: Annotated[int, typer.Option(min=8, max=512, help="Width of the feature maps.")] = 32,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of weights and samples.")] = 1,
+    frames: _FramesOption = None,
+    ideal_channel: _IdealOption = False,
+    device: _DeviceOption = "cpu",
+) -> None:
+    """Train the baseline, a small cooperative LiDAR detector.
+
+    The file is written every 100 steps. A run that was cut short goes on where it was. Needs the
+    extra benchmark: pip install 'advercity[benchmark]'.
+    """
+    from advercity.benchmark.detector.checkpoint import TrainingRecord
+    from advercity.benchmark.detector.clouds import check_fusion
+    from advercity.benchmark.detector.training import TrainingProgress, train_detector
+
+    def report(progress: TrainingProgress) -> None:
+        print_remark(f"{progress.step}/{progress.steps} steps: loss {progress.loss:.3f}")
+
+    record = TrainingRecord(
+        fusion=check_fusion(fusion, ("none", "early", "intermediate")),
+        steps=steps,
+        batch=batch,
+        learning_rate=learning_rate,
+        channels=8 * math.ceil(channels / 8),
+        seed=seed,
+        is_ideal=ideal_channel,
+    )
+    train_detector(
+        dataset,
+        output,
+        record,
+        frames=parse_frame_slice(frames),
+        start=start,
+        device=device,
+        report=report,
+    )
+    print_data(str(output))
+
+
+@benchmark.command()
+def predict(
+    detector: Annotated[Path, typer.Argument(help="Detector that `train` has made.")],
+    dataset: DatasetArgument,
+    output: Annotated[
+        Path, typer.Option(help="File for the predictions (JSON Lines).", dir_okay=False)
+    ],
+    fusion: Annotated[
+        str | None,
+        typer.Option(
+            help="late or early, for a detector without fusion (default: as it was trained)."
+        ),
+    ] = None,
+    frames: _FramesOption = None,
+    ideal_channel: _IdealOption = False,
+    device: _DeviceOption = "cpu",
+) -> None:
+    """Write what a trained baseline finds in a dataset, for `evaluate`."""
+    import time
+
+    from advercity.benchmark.detector.clouds import FUSIONS, check_fusion
+    from advercity.benchmark.detector.prediction import predict_dataset
+
+    began_s = time.monotonic()
+    count = predict_dataset(
+        detector,
+        dataset,
+        output,
+        fusion=None if fusion is None else check_fusion(fusion, FUSIONS),
+        frames=parse_frame_slice(frames),
+        is_ideal=ideal_channel,
+        device=device,
+    )
+    print_data(str(output))
+    print_remark(f"{count} frames, {count / (time.monotonic() - began_s):.1f} a second")
 
 
 @benchmark.command()
@@ -37,6 +142,7 @@ def evaluate(
     min_points: Annotated[
         int, typer.Option(min=0, help="LiDAR points that an object needs to count.")
     ] = 0,
+    frames: _FramesOption = None,
     bootstrap: Annotated[
         int, typer.Option(min=2, max=100_000, help="Draws of scenes for the intervals.")
     ] = 200,
@@ -57,6 +163,7 @@ def evaluate(
         range_m=area,
         min_points=min_points,
         bootstrap=bootstrap,
+        frames=parse_frame_slice(frames),
     )
     found = evaluate_predictions(predictions, dataset, options)
     if output is not None:
@@ -70,6 +177,32 @@ def evaluate(
     if found.missing_frames:
         count = f"{found.missing_frames} of {found.frames}"
         print_remark(f"{count} frames have no line: they count as ones in which nothing was found")
+
+
+@benchmark.command()
+def degradation(
+    dataset: DatasetArgument,
+    output: Annotated[Path, typer.Option(help="Folder for table and plot.", file_okay=False)],
+    predictions: Annotated[
+        list[Path] | None, typer.Option(help="Predictions on the dataset (repeatable).")
+    ] = None,
+    frames: _FramesOption = None,
+) -> None:
+    """Plot the ranges of sensors, and AP@50 of predictions, over the value that a suite sweeps."""
+    from advercity.benchmark.degradation import draw_degradation, tabulate_degradation
+    from advercity.benchmark.evaluation import EvaluationOptions
+    from advercity.cli.tables import format_columns
+    from advercity.dataset.statistics import write_tables
+    from advercity.dataset.statistics_plots import save_figure
+    from advercity.output_files import open_output
+
+    options = EvaluationOptions(frames=parse_frame_slice(frames))
+    table = tabulate_degradation(dataset, predictions or (), options)
+    with open_output(output / "degradation.png") as path:
+        save_figure(draw_degradation(table), path)
+    write_tables([table], output)
+    rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+    print_data(format_columns([{k: f"{v:.4g}" for k, v in row.items()} for row in rows]))
 
 
 def _to_json_value(value: Any) -> Any:

@@ -47,23 +47,19 @@ def write_plots(tables: Iterable[StatisticsTable], folder: Path) -> None:
         with open_output_folder(folder) as made:
             for table in tables:
                 if table.name not in TABLES_WITHOUT_PLOT:
-                    path, figure = made / f"{table.name}.png", draw_table(table)
-                    # Without the version of matplotlib, the same table gives the same bytes.
-                    figure.savefig(path, dpi=120, metadata={"Software": None})
+                    save_figure(draw_table(table), made / f"{table.name}.png")
     except OSError as error:
         raise RunError(f"{folder}: cannot be written: {describe_cause(error)}") from error
 
 
+def save_figure(figure: "Figure", path: Path) -> None:
+    """Write a figure as PNG: the same figure gives the same bytes with any matplotlib."""
+    figure.savefig(path, dpi=120, metadata={"Software": None})
+
+
 def draw_table(table: StatisticsTable) -> "Figure":
     """Draw one table as a figure; InputError if matplotlib is not installed."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise InputError(
-            "plots need matplotlib, which is not installed; try: pip install 'advercity[stats]'"
-        ) from error
-    # Not by pyplot, which keeps figures and picks a window system.
-    figure = Figure(figsize=(7.0, 4.5), layout="constrained")
+    figure = make_figure()
     if table.name == "polar_density_map":
         _draw_polar(figure, table)
     else:
@@ -78,6 +74,18 @@ def draw_table(table: StatisticsTable) -> "Figure":
             _draw_bars(axes, table)
     figure.suptitle(table.title, fontsize="medium")
     return figure
+
+
+def make_figure() -> "Figure":
+    """Make an empty figure; InputError if matplotlib is not installed."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise InputError(
+            "plots need matplotlib, which is not installed; try: pip install 'advercity[stats]'"
+        ) from error
+    # Not by pyplot, which keeps figures and picks a window system.
+    return Figure(figsize=(7.0, 4.5), layout="constrained")
 
 
 def _draw_pie(axes: Any, table: StatisticsTable) -> None:

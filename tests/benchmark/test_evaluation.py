@@ -308,3 +308,10 @@ def test_the_page_writes_predictions_that_score_1(
     (example,) = re.findall(r"^```json\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     (tmp_path / "example.jsonl").write_text(example)
     assert len(load_predictions(tmp_path / "example.jsonl").frames["ui_fog_day_sparse", 0]) == 1
+
+
+def test_only_the_chosen_frames_are_evaluated(two_roads: Path, tmp_path: Path) -> None:
+    predictions = {key: found for key, found in predict(two_roads).items() if key[1] == 1}
+    row = evaluate(two_roads, tmp_path, predictions, frames=slice(1, 2))["all", "all"]
+    assert (row["objects"], row["ap_70"]) == (2 * 3, 1)
+    assert evaluate(two_roads, tmp_path, predictions)["all", "all"]["recall_50"] < 0.5

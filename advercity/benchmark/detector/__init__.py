@@ -1,0 +1,1 @@
+"""The baseline: a small cooperative LiDAR detector. Only this package needs PyTorch."""

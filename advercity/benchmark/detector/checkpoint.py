@@ -1,0 +1,139 @@
+"""Detectors in files: weights, how they were trained, and what is needed to go on after a kill."""
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from advercity_dsl import Model
+from pydantic import Field, ValidationError
+
+from advercity.benchmark.detector.network import Detector
+from advercity.benchmark.detector.pytorch import torch
+from advercity.documents import read_bytes
+from advercity.errors import InputError, RunError, describe_cause
+from advercity.output_files import write_output
+
+MAX_CHECKPOINT_BYTES = 10**9
+FORMAT_NAME = "advercity-detector"
+
+
+class TrainingRecord(Model):
+    """How a detector is trained: a run that was cut short goes on if all of it is the same."""
+
+    version: Literal[1] = 1
+    fusion: Literal["none", "early", "intermediate"] = "none"
+    steps: Annotated[int, Field(ge=1, le=10_000_000)] = 3000
+    batch: Annotated[int, Field(ge=1, le=1000)] = 2
+    seed: Annotated[int, Field(ge=0)] = 1
+    channels: Annotated[int, Field(ge=8, le=512, multiple_of=8)] = 32
+    learning_rate: Annotated[float, Field(gt=0, le=1)] = 2e-3
+    frames: str = ":"
+    is_ideal: bool = False
+    dataset_sha256: str = ""
+    """Of the names of its scenarios, their specs and the numbers of their frames."""
+    start_sha256: str | None = None
+    """Of the detector that it starts from."""
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """A detector after some steps of training.
+
+    Attributes:
+        record: How it is trained.
+        step: Steps done.
+        weights, optimizer: States as PyTorch has them.
+    """
+
+    record: TrainingRecord
+    step: int
+    weights: dict[str, Any]
+    optimizer: dict[str, Any]
+
+
+def build_detector(record: TrainingRecord) -> Any:
+    """Build the network of a record, with weights drawn from its seed."""
+    torch.manual_seed(record.seed)
+    network: Any = Detector(record.channels, has_attention=record.fusion == "intermediate")
+    return network.to(memory_format=torch.channels_last)
+
+
+def load_detector(path: Path) -> tuple[Any, TrainingRecord]:
+    """Load a trained network, ready to predict; InputError if training has not ended."""
+    found = load_checkpoint(path)
+    if found.step < found.record.steps:
+        raise InputError(
+            f"{path}: training has not ended: {found.step} of {found.record.steps} steps;"
+            " the same `advercity benchmark train` goes on"
+        )
+    network = build_detector(found.record)
+    _load_weights(network, found.weights, path)
+    return network.eval(), found.record
+
+
+def load_checkpoint(path: Path) -> Checkpoint:
+    """Load a checkpoint; InputError if the file is none."""
+    try:
+        raw = read_bytes(path, max_bytes=MAX_CHECKPOINT_BYTES)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
+    try:
+        # Only tensors and plain values: a file of others runs no code.
+        found = torch.load(io.BytesIO(raw), map_location="cpu", weights_only=True)
+        if found["format"] != FORMAT_NAME:
+            raise ValueError(found["format"])
+        return Checkpoint(
+            record=TrainingRecord.model_validate_json(found["record"]),
+            step=int(found["step"]),
+            weights=dict(found["weights"]),
+            optimizer=dict(found["optimizer"]),
+        )
+    except ValidationError as error:
+        raise InputError(f"{path}: is a detector of another version") from error
+    except Exception as error:  # torch.load raises many kinds for what is no checkpoint
+        raise InputError(f"{path}: is no detector, or is damaged") from error
+
+
+def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+    """Write a checkpoint, complete or not at all."""
+    content = io.BytesIO()
+    document = {
+        "format": FORMAT_NAME,
+        "record": checkpoint.record.model_dump_json(),
+        "step": checkpoint.step,
+        "weights": checkpoint.weights,
+        "optimizer": checkpoint.optimizer,
+    }
+    torch.save(document, content)
+    try:
+        write_output(path, content.getvalue())
+    except OSError as error:
+        raise RunError(f"{path}: cannot be written: {describe_cause(error)}") from error
+
+
+def restore(network: Any, optimizer: Any, checkpoint: Checkpoint, path: Path) -> None:
+    """Set a network and its optimizer to a checkpoint."""
+    _load_weights(network, checkpoint.weights, path)
+    optimizer.load_state_dict(checkpoint.optimizer)
+
+
+def start_from(network: Any, path: Path) -> None:
+    """Take all weights that a finished detector has."""
+    started, _ = load_detector(path)
+    known = network.state_dict()
+    taken = {
+        name: value
+        for name, value in started.state_dict().items()
+        if name in known and known[name].shape == value.shape
+    }
+    if not any(name.startswith("encoder.blocks.0") for name in taken):
+        raise InputError(f"{path}: has another number of channels; give --channels as it was")
+    network.load_state_dict(taken, strict=False)
+
+
+def _load_weights(network: Any, weights: dict[str, Any], path: Path) -> None:
+    try:
+        network.load_state_dict(weights)
+    except RuntimeError as error:
+        raise InputError(f"{path}: is no detector, or is damaged") from error

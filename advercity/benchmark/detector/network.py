@@ -1,0 +1,179 @@
+"""The network: pillars, a convolutional backbone, attention over stations, and a head for middles.
+
+Pillars after PointPillars (Lang and others, CVPR 2019), middles after CenterPoint (Yin and others,
+CVPR 2021), attention over the stations of each cell after OPV2V (Xu and others, ICRA 2022).
+"""
+
+import math
+
+import numpy as np
+
+from advercity.benchmark.detector.boxes import BOX_CHANNELS, Area, compute_cell_centres
+from advercity.benchmark.detector.pytorch import Tensor, functional, nn, torch
+from advercity.geometry.arrays import Float32Array
+from advercity.geometry.poses import Matrix, invert_pose
+
+PILLAR_M = 0.5
+HEIGHTS_M = (-1.0, 4.0)
+"""Heights over the ground of points that are used."""
+PILLAR_FEATURES = 8
+_BIAS = -4.0
+"""Of the heat: at first, hardly anything is found."""
+
+
+class Pillars(nn.Module):
+    """Features of each pillar: the maximum over its points."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.layer = nn.Sequential(
+            nn.Linear(PILLAR_FEATURES, channels, bias=False),
+            nn.BatchNorm1d(channels, eps=1e-3, momentum=0.03),
+            nn.ReLU(),
+        )
+        self.channels = channels
+
+    def forward(self, points: Tensor, area: Area) -> Tensor:
+        """Compute a map (1, c, nx, ny) of points (n, 4)."""
+        half = points.new_tensor(area)
+        shape = [round(2 * side / PILLAR_M) for side in area]
+        cells = torch.floor((points[:, :2] + half) / PILLAR_M).long()
+        limit = cells.new_tensor(shape)
+        inside = ((cells >= 0) & (cells < limit)).all(1)
+        inside &= (points[:, 2] > HEIGHTS_M[0]) & (points[:, 2] < HEIGHTS_M[1])
+        points, cells = points[inside], cells[inside]
+        index = cells[:, 0] * shape[1] + cells[:, 1]
+        canvas = points.new_zeros(shape[0] * shape[1], self.channels)
+        if len(points) > 1:
+            values = self.layer(self._describe(points, cells, index, half, len(canvas)))
+            places = index[:, None].expand(-1, self.channels)
+            canvas = canvas.scatter_reduce(0, places, values, "amax")
+        return canvas.view(1, *shape, self.channels).permute(0, 3, 1, 2)
+
+    def _describe(
+        self, points: Tensor, cells: Tensor, index: Tensor, half: Tensor, count: int
+    ) -> Tensor:
+        """Compute features (n, 8) of points: place in the pillar and to its mean, height, light."""
+        sums = points.new_zeros(count, 4)
+        sums.index_add_(0, index, torch.cat([points[:, :3], torch.ones_like(points[:, :1])], 1))
+        of_pillar = sums[index]
+        means = of_pillar[:, :3] / of_pillar[:, 3:]
+        middles = (cells + 0.5) * PILLAR_M - half
+        return torch.cat(
+            [
+                points[:, :2] - middles,
+                points[:, :3] - means,
+                points[:, 2:4],
+                0.2 * torch.log(of_pillar[:, 3:]),
+            ],
+            1,
+        )
+
+
+def _build_block(before: int, after: int, layers: int) -> Tensor:
+    """Build convolutions of which the first halves the map."""
+    parts: list[Tensor] = []
+    for layer in range(layers):
+        stride = 1 if layer else 2
+        parts += [
+            nn.Conv2d(after if layer else before, after, 3, stride, 1, bias=False),
+            nn.BatchNorm2d(after, eps=1e-3, momentum=0.03),
+            nn.ReLU(),
+        ]
+    return nn.Sequential(*parts)
+
+
+class Encoder(nn.Module):
+    """From points to a feature map with a cell for each square metre."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        widths = (channels, 2 * channels, 2 * channels)
+        self.pillars = Pillars(channels)
+        before = (channels, *widths)
+        self.blocks = nn.ModuleList(
+            _build_block(first, width, 3) for first, width in zip(before, widths, strict=False)
+        )
+        self.merge = nn.ModuleList(nn.Conv2d(width, channels, 1) for width in widths)
+
+    def forward(self, points: Tensor, area: Area) -> Tensor:
+        """Compute a feature map (1, c, nx, ny) of points (n, 4)."""
+        level = self.pillars(points, area)
+        merged: Tensor = 0.0
+        for block, merge in zip(self.blocks, self.merge, strict=True):
+            level = block(level)
+            part = merge(level)
+            if torch.is_tensor(merged):
+                part = functional.interpolate(part, merged.shape[2:], mode="nearest")
+            merged = merged + part
+        return functional.relu(merged)
+
+
+class Attention(nn.Module):
+    """For each cell, what the ego takes from the feature maps of all stations."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.query = nn.Conv2d(channels, channels, 1)
+        self.key = nn.Conv2d(channels, channels, 1)
+
+    def forward(self, maps: Tensor, inside: Tensor) -> Tensor:
+        """Fuse maps (s, c, nx, ny), the ego's first, where they exist (s, nx, ny)."""
+        scores = (self.query(maps[:1]) * self.key(maps)).sum(1) / math.sqrt(maps.shape[1])
+        shares = torch.softmax(scores.masked_fill(~inside, -math.inf), 0)
+        return (shares[:, None] * maps).sum(0, keepdim=True)
+
+
+class Detector(nn.Module):
+    """Encoder, attention and head.
+
+    Args:
+        channels: Width of the feature maps.
+        has_attention: Whether feature maps of several stations are fused.
+    """
+
+    def __init__(self, channels: int, *, has_attention: bool) -> None:
+        super().__init__()
+        self.encoder = Encoder(channels)
+        self.attention = Attention(channels) if has_attention else None
+        self.head = nn.Sequential(
+            nn.Conv2d(channels, channels, 3, 1, 1, bias=False),
+            nn.BatchNorm2d(channels, eps=1e-3, momentum=0.03),
+            nn.ReLU(),
+            nn.Conv2d(channels, 1 + BOX_CHANNELS, 1),
+        )
+        with torch.no_grad():
+            self.head[-1].bias.zero_()
+            self.head[-1].bias[0] = _BIAS
+
+    def encode(self, points: Float32Array, area: Area) -> Tensor:
+        """Compute the feature map (1, c, nx, ny) of a cloud (n, 4) over an area."""
+        device = self.head[-1].bias.device
+        return self.encoder(torch.from_numpy(points).to(device), area)
+
+    def fuse(
+        self, maps: list[Tensor], ego_from_stations: list[Matrix], areas: list[Area]
+    ) -> Tensor:
+        """Fuse feature maps, the ego's first, in the ego's area."""
+        if self.attention is None or len(maps) == 1:
+            return maps[0]
+        warped, inside = [maps[0]], [torch.ones_like(maps[0][0, 0], dtype=torch.bool)]
+        for features, pose, area in zip(maps[1:], ego_from_stations[1:], areas[1:], strict=True):
+            grid = torch.from_numpy(_locate_cells(pose, areas[0], area)).to(features)
+            inside.append((grid.abs() < 1.0).all(-1))
+            warped.append(
+                functional.grid_sample(features, grid.flip(-1)[None], align_corners=False)
+            )
+        return self.attention(torch.cat(warped), torch.stack(inside))
+
+    def predict(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Predict heat (1, nx, ny) before the sigmoid, and boxes (8, nx, ny)."""
+        maps = self.head(features)[0]
+        return maps[:1], maps[1:]
+
+
+def _locate_cells(ego_from_station: Matrix, area: Area, station_area: Area) -> Float32Array:
+    """Locate the ego's cells (nx, ny, 2) in a station's map, whose borders are at -1 and 1."""
+    station_from_ego = invert_pose(ego_from_station)
+    centres = compute_cell_centres(area) @ station_from_ego[:2, :2].T + station_from_ego[:2, 3]
+    return (centres / np.array(station_area)).astype(np.float32)

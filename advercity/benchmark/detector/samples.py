@@ -1,0 +1,112 @@
+"""Samples that the network learns from: clouds of a frame, and the boxes that they show."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+
+from advercity.benchmark.detector.boxes import Area, draw_targets
+from advercity.benchmark.detector.clouds import Fusion, StationCloud, load_cloud, load_clouds
+from advercity.benchmark.truth import RANGE_M, VEHICLES, load_frame_truth, to_box
+from advercity.dataset.reader import FrameView
+from advercity.geometry import poses
+from advercity.geometry.arrays import Float32Array, Float64Array
+from advercity.geometry.poses import Matrix
+
+EGO_AREA: Area = RANGE_M
+"""What is evaluated: 140 m ahead and behind, 40 m to the sides."""
+STATION_AREA: Area = (72.0, 72.0)
+"""What others tell of: wherever the ego is in range, and however they face."""
+TRAINING_AREA: Area = (100.0, 40.0)
+"""What is learned from, for any station: farther away, there is little to learn from."""
+MIN_POINTS = 3
+"""Points that an object has to have; what has fewer is neither right nor wrong."""
+MAX_TURN_RAD = 0.3
+"""Most by which what a vehicle sees is turned, which is along its street; a unit on a pole looks in
+any direction."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """What the network gets, and what it has to predict.
+
+    Attributes:
+        clouds: Points (n, 4) of each station that is encoded by itself.
+        poses: (4, 4) from each of them to the first.
+        areas: Area of each.
+        heat, learned, weights: As of `draw_targets`, for the first.
+    """
+
+    clouds: list[Float32Array]
+    poses: list[Matrix]
+    areas: list[Area]
+    heat: Float32Array
+    learned: Float32Array
+    weights: Float32Array
+
+
+def make_sample(frame: FrameView, fusion: Fusion, rng: Generator, *, is_ideal: bool) -> Sample:
+    """Make a sample of a frame, turned and mirrored at random.
+
+    Without fusion it is of any of the frame's stations, since all of them can learn.
+    """
+    if fusion == "none":
+        views = list(frame.views.values())
+        cloud = load_cloud(views[int(rng.integers(len(views)))])
+        return _draw_sample([cloud], *_load_station_truth(cloud), rng)
+    clouds = load_clouds(frame, fusion, is_ideal=is_ideal)
+    truth = load_frame_truth(frame)
+    is_learned = truth.is_counted & (truth.points >= MIN_POINTS)
+    boxes = truth.boxes - np.array([0.0, 0.0, clouds[0].ground_m, 0.0, 0.0, 0.0, 0.0])
+    if fusion == "early":
+        clouds = [merge_clouds(clouds)]
+    return _draw_sample(clouds, boxes[is_learned], boxes[~is_learned], rng)
+
+
+def merge_clouds(clouds: list[StationCloud]) -> StationCloud:
+    """Merge clouds into one in the frame of the first."""
+    moved = [clouds[0].points]
+    for cloud in clouds[1:]:
+        places = poses.transform_points(cloud.ego_from_station, cloud.points[:, :3])
+        moved.append(np.column_stack([places, cloud.points[:, 3]]).astype(np.float32))
+    first = clouds[0]
+    return StationCloud(first.view, np.concatenate(moved), first.ground_m, first.ego_from_station)
+
+
+def _load_station_truth(cloud: StationCloud) -> tuple[Float64Array, Float64Array]:
+    """Load what a station annotates: boxes (n, 7) to learn, and to ignore."""
+    annotated = cloud.view.boxes
+    pose = cloud.view.world_from_lidar @ poses.pose_matrix((0.0, 0.0, cloud.ground_m))
+    station_from_boxes = poses.invert_pose(pose) @ annotated.world_from_box
+    rows = [
+        to_box(one, size) for one, size in zip(station_from_boxes, annotated.sizes, strict=True)
+    ]
+    boxes = np.array(rows).reshape(-1, 7)
+    is_learned = np.isin(annotated.classes, VEHICLES) & (annotated.lidar_points >= MIN_POINTS)
+    return boxes[is_learned], boxes[~is_learned]
+
+
+def _draw_sample(
+    clouds: list[StationCloud], boxes: Float64Array, ignored: Float64Array, rng: Generator
+) -> Sample:
+    areas = [TRAINING_AREA, *[STATION_AREA] * (len(clouds) - 1)]
+    most = np.pi if clouds[0].view.agent.place.kind == "roadside_unit" else MAX_TURN_RAD
+    turn = poses.pose_matrix((0.0, 0.0, 0.0), yaw=float(rng.uniform(-most, most)))
+    mirror = np.diag([1.0, rng.choice([-1.0, 1.0]), 1.0, 1.0])
+    points = [cloud.points.copy() for cloud in clouds]
+    points[0][:, :3] = poses.transform_points(turn, points[0][:, :3])
+    for one in points:
+        one[:, 1] *= mirror[1, 1]
+    found = [mirror @ turn @ cloud.ego_from_station @ mirror for cloud in clouds]
+    targets = draw_targets(
+        _move_boxes(boxes, turn, mirror), _move_boxes(ignored, turn, mirror), areas[0]
+    )
+    return Sample(points, [np.eye(4), *found[1:]], areas, *targets)
+
+
+def _move_boxes(boxes: Float64Array, turn: Matrix, mirror: Matrix) -> Float64Array:
+    moved = boxes.copy()
+    moved[:, :3] = poses.transform_points(mirror @ turn, boxes[:, :3])
+    angle = poses.to_yaw_pitch_roll(turn)[0]
+    moved[:, 6] = mirror[1, 1] * (boxes[:, 6] + angle)
+    return moved

@@ -1,0 +1,200 @@
+"""Training: steps that depend on the seed and their number alone, so that a run can go on."""
+
+import hashlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from advercity.benchmark.detector.boxes import LEARNED_HEAT
+from advercity.benchmark.detector.checkpoint import (
+    Checkpoint,
+    TrainingRecord,
+    build_detector,
+    load_checkpoint,
+    restore,
+    save_checkpoint,
+    start_from,
+)
+from advercity.benchmark.detector.clouds import check_frames
+from advercity.benchmark.detector.pytorch import Tensor, functional, nn, select_device, torch
+from advercity.benchmark.detector.samples import Sample, make_sample
+from advercity.benchmark.frame_selection import select_frames
+from advercity.dataset.reader import FrameView
+from advercity.errors import InputError
+from advercity.randomness import create_generator
+
+WARM_UP_FRACTION = 0.1
+WEIGHT_DECAY = 0.01
+MAX_GRADIENT = 10.0
+SAVE_EVERY = 100
+BOX_WEIGHT = 1.0
+
+
+@dataclass(frozen=True)
+class TrainingProgress:
+    """How far training is: steps done, and the mean loss of those since the last report."""
+
+    step: int
+    steps: int
+    loss: float
+
+
+def train_detector(
+    dataset: Path,
+    output: Path,
+    record: TrainingRecord,
+    *,
+    frames: slice = slice(None),
+    start: Path | None = None,
+    device: str = "cpu",
+    report: Callable[[TrainingProgress], None] = lambda progress: None,
+) -> None:
+    """Train a detector, or go on where a run was cut short.
+
+    The same record, dataset and number of threads give the same weights, with a break or without.
+
+    Args:
+        dataset: Frames to learn from.
+        output: File of the detector, which is written every 100 steps.
+        record: How to train; its checksums are filled in here.
+        frames: Recorded frames of each scenario that are used.
+        start: Detector whose weights are taken over.
+        device: As PyTorch names it.
+        report: Called every 100 steps.
+
+    Raises:
+        InputError: The dataset cannot be used, or the file is of another training.
+    """
+    place = select_device(device)
+    chosen = select_frames(dataset, frames)
+    check_frames(chosen, record.fusion, is_ideal=record.is_ideal)
+    record = record.model_copy(
+        update={
+            "dataset_sha256": _digest_frames(chosen),
+            "start_sha256": start and hashlib.sha256(start.read_bytes()).hexdigest(),
+        }
+    )
+    network = build_detector(record)
+    if start is not None:
+        start_from(network, start)
+    network.to(place)
+    optimizer = torch.optim.AdamW(
+        _select_learned(network, record, start), weight_decay=WEIGHT_DECAY
+    )
+    step = 0
+    if output.exists():
+        found = load_checkpoint(output)
+        _check_record(found.record, record, output)
+        restore(network, optimizer, found, output)
+        step = found.step
+    losses: list[float] = []
+    while step < record.steps:
+        _set_rate(optimizer, record, step)
+        losses.append(_take_step(network, optimizer, chosen, record, step))
+        step += 1
+        if step % SAVE_EVERY == 0 or step == record.steps:
+            state = Checkpoint(record, step, network.state_dict(), optimizer.state_dict())
+            save_checkpoint(output, state)
+            report(TrainingProgress(step, record.steps, sum(losses) / len(losses)))
+            losses.clear()
+
+
+def _select_learned(network: Any, record: TrainingRecord, start: Path | None) -> list[Tensor]:
+    """Select what is learned: the encoder of an intermediate fusion stays as it started.
+
+    So all stations send the feature maps of the detector that each has for itself.
+    """
+    if start is None or record.fusion != "intermediate":
+        return list(network.parameters())
+    network.encoder.requires_grad_(False)
+    return [*network.attention.parameters(), *network.head.parameters()]
+
+
+def _set_rate(optimizer: Any, record: TrainingRecord, step: int) -> None:
+    """Set the learning rate of a step: a linear rise, then half a cosine."""
+    done = (step + 1) / record.steps
+    if done < WARM_UP_FRACTION:
+        factor = done / WARM_UP_FRACTION
+    else:
+        factor = 0.5 + 0.5 * math.cos(math.pi * (done - WARM_UP_FRACTION) / (1 - WARM_UP_FRACTION))
+    for group in optimizer.param_groups:
+        group["lr"] = record.learning_rate * max(factor, 0.01)
+
+
+def _take_step(
+    network: Any, optimizer: Any, frames: list[FrameView], record: TrainingRecord, step: int
+) -> float:
+    network.train()
+    is_frozen = not next(network.encoder.parameters()).requires_grad
+    if is_frozen:
+        network.encoder.eval()
+    optimizer.zero_grad()
+    total = 0.0
+    for row in range(record.batch):
+        rng = create_generator("benchmark training", record.seed, step, row)
+        frame = _draw_frame(frames, record, step * record.batch + row)
+        sample = make_sample(frame, record.fusion, rng, is_ideal=record.is_ideal)
+        loss = _compute_loss(network, sample) / record.batch
+        loss.backward()
+        total += float(loss.detach())
+    nn.utils.clip_grad_norm_(network.parameters(), MAX_GRADIENT)
+    optimizer.step()
+    return total
+
+
+def _draw_frame(frames: list[FrameView], record: TrainingRecord, number: int) -> FrameView:
+    """Draw a frame: each once in an order of its own, then each again in another."""
+    turn, place = divmod(number, len(frames))
+    order = create_generator("benchmark order", record.seed, turn).permutation(len(frames))
+    return frames[int(order[place])]
+
+
+def _compute_loss(network: Any, sample: Sample) -> Tensor:
+    """Compute the loss: focal for the heat, as of CenterNet, and absolute for the boxes."""
+    with torch.set_grad_enabled(next(network.encoder.parameters()).requires_grad):
+        maps = [
+            network.encode(points, area)
+            for points, area in zip(sample.clouds, sample.areas, strict=True)
+        ]
+    heat, learned = network.predict(network.fuse(maps, sample.poses, sample.areas))
+    wanted, boxes, weights = (
+        torch.from_numpy(item).to(heat) for item in (sample.heat, sample.learned, sample.weights)
+    )
+    return _compute_heat_loss(heat[0], wanted, weights) + BOX_WEIGHT * _compute_box_loss(
+        learned, boxes, wanted
+    )
+
+
+def _compute_heat_loss(heat: Tensor, wanted: Tensor, weights: Tensor) -> Tensor:
+    is_middle = wanted == 1.0
+    found, missed = functional.logsigmoid(heat), functional.logsigmoid(-heat)
+    score = torch.sigmoid(heat)
+    of_middles = (found * (1.0 - score) ** 2)[is_middle].sum()
+    of_others = (missed * score**2 * (1.0 - wanted) ** 4 * weights)[~is_middle].sum()
+    return -(of_middles + of_others) / is_middle.sum().clamp(min=1)
+
+
+def _compute_box_loss(learned: Tensor, boxes: Tensor, wanted: Tensor) -> Tensor:
+    shares = wanted * (wanted >= LEARNED_HEAT)
+    errors = (learned - boxes).abs().sum(0)
+    return (errors * shares).sum() / shares.sum().clamp(min=1.0)
+
+
+def _digest_frames(frames: list[FrameView]) -> str:
+    digest = hashlib.sha256()
+    for frame in frames:
+        digest.update(f"{frame.scenario.spec.provenance.digest} {frame.index}\n".encode())
+    return digest.hexdigest()
+
+
+def _check_record(found: TrainingRecord, wanted: TrainingRecord, path: Path) -> None:
+    """Raise an InputError if a file is of another training."""
+    before, now = found.model_dump(), wanted.model_dump()
+    changed = [name for name in now if now[name] != before[name]]
+    if changed:
+        name = changed[0]
+        label = {"dataset_sha256": "dataset", "start_sha256": "start"}.get(name, name)
+        message = f"was trained with other values: {label} was {before[name]}, is {now[name]}"
+        raise InputError(f"{path}: {message}; rename it, or write elsewhere")

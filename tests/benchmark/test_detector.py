@@ -1,0 +1,232 @@
+"""The baseline: what it learns from, its training and its predictions, by the public way in."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from advercity.benchmark.detector.boxes import (
+    compute_cell_centres,
+    count_cells,
+    draw_targets,
+    drop_overlapping,
+)
+from advercity.benchmark.detector.clouds import load_clouds
+from advercity.benchmark.detector.samples import make_sample, merge_clouds
+from advercity.benchmark.predictions import load_predictions
+from advercity.cli import main
+from advercity.dataset.reader import Dataset
+from advercity.geometry.poses import pose_matrix, transform_points
+from advercity.randomness import create_generator
+
+HINT = "install the extra benchmark for PyTorch, in an environment of its own"
+AREA = (16.0, 8.0)
+BOXES = np.array(
+    [
+        [3.3, 1.8, 0.8, 4.5, 1.9, 1.6, 0.4],
+        [-7.6, -4.1, 1.4, 8.0, 2.5, 2.8, -1.2],
+    ]
+)
+
+
+def run_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: object
+) -> tuple[int, str]:
+    """Run `advercity benchmark`; return its exit code and what it printed."""
+    monkeypatch.setattr(sys, "argv", ["advercity", "benchmark", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    printed = capsys.readouterr()
+    return int(ended.value.code or 0), printed.out + printed.err
+
+
+def test_a_target_has_its_peaks_at_the_middles_and_no_say_at_ignored_boxes() -> None:
+    heat, learned, weights = draw_targets(BOXES[:1], BOXES[1:], AREA)
+    assert heat.shape == weights.shape == count_cells(AREA) == (32, 16)
+    cell = np.unravel_index(heat.argmax(), heat.shape)
+    centre = compute_cell_centres(AREA)[cell]
+    assert np.abs(centre - BOXES[0, :2]).max() <= 0.5
+    np.testing.assert_allclose(learned[:2, *cell] + centre, BOXES[0, :2], atol=1e-6)
+    np.testing.assert_allclose(np.exp(learned[3:6, *cell]), BOXES[0, 3:6], rtol=1e-6)
+    near = np.hypot(*np.moveaxis(compute_cell_centres(AREA) - BOXES[1, :2], -1, 0)) < 4.0
+    assert not weights[near].any()
+    assert weights[cell] == 1.0
+
+
+def test_of_boxes_that_overlap_the_one_with_the_highest_score_stays() -> None:
+    moved = BOXES + np.array([0.5, 0, 0, 0, 0, 0, 0.1])
+    boxes, scores = drop_overlapping(np.concatenate([BOXES, moved]), np.array([0.5, 0.9, 0.7, 0.2]))
+    assert scores.tolist() == [0.9, 0.7]
+    np.testing.assert_array_equal(boxes, [BOXES[1], moved[0]])
+
+
+def test_an_ideal_exchange_puts_the_clouds_of_all_stations_in_one_frame(two_roads: Path) -> None:
+    frame = Dataset(two_roads)[0]
+    clouds = load_clouds(frame, "early", is_ideal=True)
+    ego = frame[frame.scenario.spec.ego.id]
+    assert clouds[0].view.agent.id == ego.agent.id
+    assert len(clouds) == 5
+    # Every station sees the van, whose middle has to be the same for the ego.
+    middles: list[Any] = []
+    for cloud in clouds:
+        boxes = cloud.view.boxes
+        (row,) = np.flatnonzero(boxes.ids == 201)
+        world_from_station = cloud.view.world_from_lidar @ pose_matrix((0, 0, cloud.ground_m))
+        middle = np.linalg.inv(world_from_station) @ boxes.world_from_box[row]
+        middles.append(transform_points(cloud.ego_from_station, middle[:3, 3]))
+    np.testing.assert_allclose(middles, np.broadcast_to(middles[0], (5, 3)), atol=0.01)
+    merged = merge_clouds(clouds)
+    assert len(merged.points) == sum(len(cloud.points) for cloud in clouds)
+
+
+def test_a_sample_turns_and_mirrors_points_and_boxes_alike(two_roads: Path) -> None:
+    frame = Dataset(two_roads)[0]
+    seen: set[float] = set()
+    for number in range(4):
+        rng = create_generator("a test", number)
+        sample = make_sample(frame, "intermediate", rng, is_ideal=True)
+        peaks = compute_cell_centres(sample.areas[0])[sample.heat == 1.0]
+        assert len(peaks) == 3
+        own = sample.clouds[0][:, :2]
+        for station, pose in zip(sample.clouds[1:], sample.poses[1:], strict=True):
+            assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+            own = np.concatenate([own, transform_points(pose, station[:, :3])[:, :2]])
+        for peak in peaks:  # points of the vehicle are around it, wherever it was moved
+            assert (np.abs(own - peak).max(axis=1) < 3.0).sum() >= 20
+        seen.add(round(float(peaks[0, 0]), 1))
+    assert len(seen) > 1
+
+
+def test_training_goes_on_after_a_kill_with_the_weights_of_a_run_without(
+    two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    torch = pytest.importorskip("torch", reason=HINT)
+    from advercity.benchmark.detector import training
+    from advercity.benchmark.detector.checkpoint import TrainingRecord, load_checkpoint
+
+    monkeypatch.setattr(training, "SAVE_EVERY", 1)
+    record = TrainingRecord(steps=3, batch=1, channels=8)
+    training.train_detector(two_roads, tmp_path / "whole.pt", record)
+
+    def stop(progress: Any) -> None:
+        raise KeyboardInterrupt
+
+    path = tmp_path / "cut.pt"
+    with pytest.raises(KeyboardInterrupt):
+        training.train_detector(two_roads, path, record, report=stop)
+    assert load_checkpoint(path).step == 1
+    training.train_detector(two_roads, path, record)
+    whole, cut = (load_checkpoint(tmp_path / f"{name}.pt").weights for name in ("whole", "cut"))
+    assert all(torch.equal(cut[name], value) for name, value in whole.items())
+    assert not torch.equal(
+        whole["head.0.weight"], training.build_detector(record).state_dict()["head.0.weight"]
+    )
+
+
+def test_a_trained_detector_predicts_with_every_fusion(
+    two_roads: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pytest.importorskip("torch", reason=HINT)
+    single, fused = tmp_path / "single.pt", tmp_path / "fused.pt"
+
+    def run(*arguments: object) -> None:
+        code, text = run_command(monkeypatch, capsys, *arguments)
+        assert code == 0, text
+
+    small = ("--steps", 2, "--batch", 1, "--channels", 8, "--ideal-channel")
+    run("train", two_roads, "--output", single, *small)
+    run(
+        "train", two_roads, "--output", fused, "--fusion", "intermediate", "--start", single, *small
+    )
+    for detector, fusion in ((single, "none"), (single, "late"), (single, "early"), (fused, None)):
+        path = tmp_path / f"{fusion}.jsonl"
+        chosen = () if fusion is None else ("--fusion", fusion)
+        run(
+            "predict",
+            detector,
+            two_roads,
+            "--output",
+            path,
+            "--frames",
+            "1:",
+            "--ideal-channel",
+            *chosen,
+        )
+        assert {frame for _, frame in load_predictions(path).frames} == {1, 2}
+        run("evaluate", path, two_roads, "--frames", "1:")
+
+
+def test_overfitted_the_network_finds_the_vehicles(two_roads: Path, tmp_path: Path) -> None:
+    torch = pytest.importorskip("torch", reason=HINT)
+    from advercity.benchmark.detector.checkpoint import TrainingRecord, build_detector
+    from advercity.benchmark.detector.prediction import read_boxes
+
+    heat, learned, _ = draw_targets(BOXES, BOXES[:0], AREA)
+    logits = torch.logit(torch.from_numpy(heat)[None].clamp(1e-4, 1 - 1e-4))
+    found, scores = read_boxes(logits, torch.from_numpy(learned), AREA)
+    assert (scores > 0.99).all()
+    order = np.argsort(-found[:, 0])
+    np.testing.assert_allclose(found[order], BOXES, atol=1e-5)
+    assert build_detector(TrainingRecord(channels=8)) is not None
+
+
+def test_a_station_s_features_arrive_where_the_ego_sees_its_place() -> None:
+    torch = pytest.importorskip("torch", reason=HINT)
+    from advercity.benchmark.detector.network import Detector
+
+    network = Detector(8, has_attention=True)
+    ego, station = torch.zeros(1, 8, *count_cells(AREA)), torch.zeros(1, 8, 16, 16)
+    station[:, :, 10, 4] = 1.0  # at x 2.5 m, y -3.5 m of a map of 8 m around
+    pose = pose_matrix((-4.0, 2.0, 0.0), yaw=np.pi / 2)
+    fused = network.fuse([ego, station], [np.eye(4), pose], [AREA, (8.0, 8.0)])[0, 0]
+    place = transform_points(pose, [2.5, -3.5, 0.0])[:2]
+    cell = np.unravel_index(int(fused.argmax()), count_cells(AREA))
+    np.testing.assert_allclose(compute_cell_centres(AREA)[cell], place, atol=1e-5)
+    assert float((fused > 1e-3).sum()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("train", "{data}", "--fusion", "late"), "--fusion late: no such fusion"),
+        (("train", "{data}", "--fusion", "early"), "has no messages: its suite names no channel"),
+        (("train", "{data}", "--frames", "90:"), "has no frame among those of --frames"),
+        (("train", "{data}", "--device", "cuda:99"), "--device cuda:99: cannot be used"),
+        (("predict", "{junk}", "{data}"), "is no detector, or is damaged"),
+        (("predict", "{data}/none.pt", "{data}"), "none.pt: cannot be read"),
+    ],
+)
+def test_what_cannot_be_used_is_named(
+    two_roads: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    message: str,
+) -> None:
+    pytest.importorskip("torch", reason=HINT)
+    junk = tmp_path / "junk.pt"
+    junk.write_bytes(b"PK\x03\x04 no weights")
+    filled = [item.format(data=two_roads, junk=junk) for item in arguments]
+    code, text = run_command(monkeypatch, capsys, *filled, "--output", tmp_path / "made.pt")
+    assert code == 2
+    assert message in " ".join(text.split())
+
+
+def test_without_pytorch_the_commands_say_what_to_install(
+    two_roads: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("advercity.benchmark.detector")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    code, text = run_command(monkeypatch, capsys, "train", two_roads, "--output", tmp_path / "a.pt")
+    assert code == 2
+    assert "pip install 'advercity[benchmark]'" in text
