@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from numpy.typing import NDArray
 
 from advercity.benchmark.evaluation import EvaluationOptions, evaluate_predictions
@@ -298,7 +299,7 @@ def test_the_page_writes_predictions_that_score_1(
     two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = (Path(__file__).parents[2] / "docs" / "benchmark.md").read_text()
-    (code,) = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    code, merging = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     (tmp_path / "output").symlink_to(two_roads)
     monkeypatch.chdir(tmp_path)
     exec(code, {})
@@ -308,6 +309,16 @@ def test_the_page_writes_predictions_that_score_1(
     (example,) = re.findall(r"^```json\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     (tmp_path / "example.jsonl").write_text(example)
     assert len(load_predictions(tmp_path / "example.jsonl").frames["ui_fog_day_sparse", 0]) == 1
+    (tmp_path / "examples").symlink_to(Path(__file__).parents[2] / "examples")
+    base = tmp_path / "OpenCOOD/opencood/hypes_yaml/point_pillar_intermediate_fusion.yaml"
+    base.parent.mkdir(parents=True)
+    base.write_text("preprocess: {args: {voxel_size: [0.4, 0.4, 4], max_points_per_voxel: 32}}")
+    exec(merging, {})
+    settings = yaml.safe_load((tmp_path / "advercity.yaml").read_text())
+    args = {"voxel_size": [0.4, 0.4, 11], "max_points_per_voxel": 32}
+    assert settings["preprocess"]["args"] == args
+    lowest, highest = settings["preprocess"]["cav_lidar_range"][2::3]
+    assert highest - lowest == settings["preprocess"]["args"]["voxel_size"][2]
 
 
 def test_only_the_chosen_frames_are_evaluated(two_roads: Path, tmp_path: Path) -> None:
