@@ -142,6 +142,15 @@ def load_example_spec(spec_id: str = "ui_fog_day_sparse") -> Spec:
     return _shipped_specs()[spec_id]
 
 
+_CHANNEL_TABLES = {
+    "channel_table",
+    "elevations_deg",
+    "azimuth_offsets_deg",
+    "channel_efficiency",
+}
+"""Fields of a LiDAR that hold for its own number of channels."""
+
+
 def with_small_sensors(
     spec: Spec, *, width_px: int = 16, height_px: int = 16, channels: int = 1, azimuths: int = 16
 ) -> Spec:
@@ -152,6 +161,8 @@ def with_small_sensors(
         for camera in (sensors["camera"], *sensors.get("more_cameras", {}).values()):
             camera |= {"width_px": width_px, "height_px": height_px}
         for lidar in (sensors["lidar"], *sensors.get("more_lidars", {}).values()):
+            for table in _CHANNEL_TABLES & lidar.keys():
+                del lidar[table]
             lidar |= {"channels": channels, "azimuths": azimuths}
         if radar := sensors.get("radar"):
             radar |= {"rays": 1000}

@@ -63,6 +63,9 @@ class LidarReceiver(CompactModel):
     near_field_m: Annotated[Metres, Field(ge=0, le=200)] = 10
     """Range within which the receiver's gain is reduced, so that near returns grow no further. A
     longer one suppresses fog, rain and snow, all of which return from near."""
+    noise_range_error_m: Annotated[Metres, Field(ge=0, le=10)] = 0.75
+    """Standard deviation of the range of a return as strong as the noise, for
+    `range_noise_model: signal`; it falls with the signal-to-noise ratio."""
     min_range_m: Annotated[Metres, Field(ge=0, le=20)] = 0
     """Range up to which returns are discarded."""
     field_of_view_mrad: Annotated[Milliradians, Field(ge=0, le=500)] = 0

@@ -11,7 +11,10 @@ from advercity.geometry.arrays import FloatArray
 from advercity.sensors.lidar.beams import SCAN_PERIOD_S, beam_directions, channel_efficiencies
 from advercity.sensors.lidar.conditions import NUM_WINDOW_SECTORS, LidarConditions, LidarWindow
 from advercity.sensors.lidar.random_streams import RandomStreams, StreamPurpose
-from advercity.sensors.lidar.received_power import reflectivity_fraction
+from advercity.sensors.lidar.received_power import (
+    range_standard_deviation_m,
+    reflectivity_fraction,
+)
 from advercity.sensors.lidar.return_sources import ReturnSources, receiver_noise_factor
 from advercity.sensors.lidar.returns import Returns, select_reported
 from advercity.sensors.lidar.scan import ScanHits, scan_fractions
@@ -161,7 +164,7 @@ def _measure_range_m(sources: ReturnSources, found: Returns) -> FloatArray:
         count = lidar.azimuths * lidar.channels
         error = sources.streams.normal(StreamPurpose.RANGE_NOISE, count)
         deviation_m = (
-            sources.receiver.range_standard_deviation_m(found.power, lidar.range_noise_m)
+            range_standard_deviation_m(lidar, found.power)
             if lidar.range_noise_model == "signal"
             else np.float32(lidar.range_noise_m)
         )

@@ -26,8 +26,6 @@ SIGNAL_TO_NOISE = 5.0
 """Signal-to-noise ratio of a return at the detection threshold."""
 PULSE_LENGTH_M = 0.749
 """Half the length of a 5 ns pulse: returns closer than this overlap and count as one."""
-NOISE_RANGE_ERROR_M = 0.75
-"""Standard deviation of the range of a return of such a pulse that is as strong as the noise."""
 NOISE_DOUBLING_LX = 50_000.0 / 0.3
 """Illuminance that adds as much noise power as the receiver has in the dark."""
 _REFERENCE_PULSE_NS = 5.0
@@ -92,13 +90,6 @@ class Receiver:
         """Compute the reflectance (n,) that a target in clear air would have."""
         return power * ((range_m * range_m + self.near_field_m**2) / self.white_target_power)
 
-    def range_standard_deviation_m(
-        self, power: FloatArray, instrument_deviation_m: float
-    ) -> FloatArray:
-        """Compute the deviation (n,) of the range of returns: the instrument's and noise's."""
-        error_m = NOISE_RANGE_ERROR_M * (self.pulse_length_m / PULSE_LENGTH_M)
-        return np.sqrt(instrument_deviation_m**2 + (error_m / (SIGNAL_TO_NOISE * power)) ** 2)
-
     def detection_range_m(
         self, reflectance: float, extinction_per_m: float, *, max_range_m: float = 200.0
     ) -> float:
@@ -111,6 +102,12 @@ class Receiver:
         reflectances = np.full_like(ranges, reflectance)
         found = self.received_power(ranges, reflectances, extinction_per_m) >= 1.0
         return float(ranges[found][-1]) if found.any() else 0.0
+
+
+def range_standard_deviation_m(lidar: Lidar, power: FloatArray) -> FloatArray:
+    """Compute the standard deviation (n,) of the range of returns: the instrument's and noise's."""
+    error_m = lidar.receiver.noise_range_error_m
+    return np.sqrt(lidar.range_noise_m**2 + (error_m / (SIGNAL_TO_NOISE * power)) ** 2)
 
 
 DETECTION_RANGE_STEP_M = 0.1
