@@ -104,7 +104,7 @@ def check_link(path: Path, target: str | None = None) -> None:
     """
     if path.is_symlink():
         found = str(path.readlink())
-        if found == target or _compute_target_digest(found) in _load_digests():
+        if found == target or _compute_link_mark(path, found) in _load_digests():
             return
     elif not os.path.lexists(path):
         return
@@ -120,16 +120,21 @@ def make_links(links: Mapping[Path, str]) -> None:
     Raises:
         OSError: A link cannot be made.
     """
-    _record_digests(map(_compute_target_digest, links.values()))
-    for path, target in links.items():
-        if path.is_symlink() and str(path.readlink()) != target:
+    # A link that leads there already may be the user's own: it stays, and is not recorded.
+    new = {
+        path: target
+        for path, target in links.items()
+        if not (path.is_symlink() and str(path.readlink()) == target)
+    }
+    _record_digests(_compute_link_mark(path, target) for path, target in new.items())
+    for path, target in new.items():
+        if path.is_symlink():
             path.unlink()
-        if not path.is_symlink():
-            path.symlink_to(target)
+        path.symlink_to(target)
 
 
-def _compute_target_digest(target: str) -> str:
-    return hashlib.sha256(b"link to " + os.fsencode(target)).hexdigest()
+def _compute_link_mark(path: Path, target: str) -> str:
+    return _compute_mark(path, hashlib.sha256(b"link to " + os.fsencode(target)).hexdigest())
 
 
 def _has_content(path: Path, digest: str) -> bool:

@@ -29,7 +29,7 @@ def show() -> None:
 
 @cache.command()
 def clear() -> None:
-    """Remove all entries; runs make them again."""
+    """Remove all entries; later runs make them again, those that use one now stop."""
     from advercity.pipeline.cache_entries import clear_cache
 
     print_data(str(clear_cache()))

@@ -117,9 +117,13 @@ class DatasetIndex(Model):
         )
 
     def with_waiting(self, specs: Iterable[Spec]) -> "DatasetIndex":
-        """Return a copy in which these scenarios are waiting."""
+        """Return a copy in which those of these scenarios that it lacks are waiting."""
         return self.with_entries(
-            {spec.id: IndexEntry.from_manifest_text(spec, None) for spec in specs}
+            {
+                spec.id: IndexEntry.from_manifest_text(spec, None)
+                for spec in specs
+                if spec.id not in self.scenarios
+            }
         )
 
     def format_summary(self) -> str:
@@ -182,9 +186,24 @@ class IndexWriter:
             raise InputError(f"`output` {dataset}: is a file; name a folder")
         self._dataset = dataset
         self._specs = {spec.id: spec for spec in specs}
-        self._has_written = False
         if (dataset / INDEX_FILE).exists():
             self._update({})
+
+    def record_start(self, name: str, *, missing_frames: int) -> None:
+        """Record that a run makes frames of a scenario, which has no result until the run ends.
+
+        A scenario that lacks none and has its recorded manifest keeps its entry: nothing changes.
+        Without an index there is no entry that could be wrong.
+
+        Raises:
+            RunError: The disk is full or not writable.
+        """
+        index = DatasetIndex.load(self._dataset)
+        if index is None:
+            return
+        manifest = read_bytes(self._dataset / name / MANIFEST_FILE, max_bytes=MAX_JSON_BYTES)
+        if missing_frames or not index.matches_manifest(name, manifest):
+            self._update({name: IndexEntry.from_manifest_text(self._specs[name], None)})
 
     def record_result(self, name: str, *, failed: bool, refused: bool = False) -> None:
         """Record the end of a scenario; RunError if the disk is full or not writable.
@@ -205,15 +224,12 @@ class IndexWriter:
         with report_disk_errors(self._dataset), lock_file(staging / "lock", "the index"):
             try:
                 index = DatasetIndex.load(self._dataset) or EMPTY_INDEX
-                # Once per run: a scenario that is made again has no result until then.
-                if not self._has_written:
-                    index = index.with_waiting(self._specs.values())
+                index = index.with_waiting(self._specs.values()).with_entries(entries)
                 partial = find_partial_file(path, INDEX_FILE)
-                write_file(partial, index.with_entries(entries).to_json())
+                write_file(partial, index.to_json())
                 move_file(partial, path)
             finally:
                 remove_staging_folder(path)
-        self._has_written = True
 
 
 PUBLISHED_SPLITS = {"train": ("ri", "rsnj", "unj"), "validate": ("rcnj",), "test": ("ui",)}

@@ -3,6 +3,7 @@
 Imports no pydantic model: building those takes longer than opening a dataset.
 """
 
+import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -59,9 +60,11 @@ def find_staging_folder(scenario: Path) -> Path:
     """Find the folder of a scenario's unfinished files.
 
     It is outside the scenario because loaders of OPV2V take every folder in a scenario for an
-    agent.
+    agent; of a link, as in a split, beside the folder that it leads to.
     """
-    return scenario.parent / ".staging" / scenario.name
+    # `Path.is_symlink` fails in a folder that may not be read, which the caller is to report.
+    real = scenario.resolve() if os.path.islink(scenario) else scenario  # noqa: PTH114
+    return real.parent / ".staging" / real.name
 
 
 def check_folders_are_no_links(scenario: Path, folders: Iterable[str]) -> None:

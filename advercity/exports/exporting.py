@@ -9,7 +9,7 @@ from pathlib import Path
 from advercity.dataset.partial_files import is_being_written
 from advercity.dataset.reader import Dataset, Scenario
 from advercity.dataset.scenario_folders import no_frames_error
-from advercity.dataset.verification import compare_with_index
+from advercity.dataset.verification import compare_with_index, verify_scenario
 from advercity.errors import InputError, RunError
 from advercity.exports.export_folder import ExportFolder, check_export_folder
 from advercity.exports.export_manifest import ExportManifest
@@ -70,11 +70,16 @@ def export_dataset(
     pieces = target.load()(opened, chosen)
     manifest = ExportManifest.for_dataset(opened, format, chosen)
     view = _FrameCounter(opened, report)
+    unverified = {one.path.name: one.path for one in opened.scenarios}
     with ExportFolder(output, manifest, pieces, fresh=fresh) as folder:
         for piece in pieces:
             if folder.is_done(piece):
                 view.skip(piece)
             else:
+                for name in [piece.scenario] if piece.scenario is not None else [*unverified]:
+                    if name in unverified:
+                        report(Progress(name, "verify"))
+                        _check_is_as_recorded(unverified.pop(name))
                 folder.write_piece(piece, view.count)
         view.finish()
     return ExportResult(
@@ -137,6 +142,16 @@ def _open_whole_dataset(path: Path) -> Dataset:
     if not len(dataset):
         raise no_frames_error(path)
     return dataset
+
+
+def _check_is_as_recorded(scenario: Path) -> None:
+    """Raise an InputError if files are not as the manifest, which the export names, says."""
+    damage = [problem for problem in verify_scenario(scenario) if problem.is_damage]
+    if damage:
+        raise InputError(
+            f"{damage[0]}; `advercity verify` lists all such files, `advercity repair` restores"
+            " them"
+        )
 
 
 def _warn_of_missing_frames(scenario: Scenario) -> None:

@@ -250,7 +250,10 @@ class _RayDriver:
             frames=sum(index in done for index in found.wanted),
             size_bytes=sum(record.size for record in records.values()),
         )
-        for piece in _split_into_tasks(found.wanted, done, self._executor.frames_per_task):
+        pieces = _split_into_tasks(found.wanted, done, self._executor.frames_per_task)
+        if pieces:
+            self._update_index((), {run.spec.id: IndexEntry.from_manifest_text(run.spec, None)})
+        for piece in pieces:
             frames = slice(piece.start, piece.stop, piece.step)
             options = replace(self._options, frames=frames, fresh=False)
             task = self._make.remote(run.spec, options, self._executor.output, self._limits)

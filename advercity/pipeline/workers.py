@@ -149,6 +149,7 @@ class WorkerPool:
             worker.failure = message
         elif isinstance(message, ScenarioOpened):
             run.missing_frames, run.opened_s = message.missing_frames, time.monotonic()
+            self._record_start(run)
         elif isinstance(message, FramesClaimed):
             run.is_opener_waiting = True
         elif isinstance(message, Notice):
@@ -169,6 +170,12 @@ class WorkerPool:
         if self._is_new_output:
             with suppress(OSError):  # not empty, or not there
                 self._options.output.rmdir()
+
+    def _record_start(self, run: "_PooledScenario") -> None:
+        try:
+            self._index.record_start(run.spec.id, missing_frames=run.missing_frames)
+        except AdvercityError as error:
+            run.error = run.error or error
 
     def _record_end(self, run: "_PooledScenario") -> None:
         self._remove_empty_output()  # in which nothing is recorded

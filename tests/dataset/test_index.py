@@ -120,10 +120,32 @@ def test_an_unfinished_run_records_no_manifest_of_its_scenarios(
     for one in (spec, others[0]):
         make(tmp_path, one, 1)
         IndexWriter(tmp_path, [one]).record_result(one.id, failed=False)
-    IndexWriter(tmp_path, [spec])
+    IndexWriter(tmp_path, [spec]).record_start(spec.id, missing_frames=1)
     make(tmp_path, spec, 2)
     assert states(tmp_path) == {spec.id: "waiting", "other_0": "partial"}
     assert verify_dataset(tmp_path) == []
+
+
+def test_a_run_that_ends_before_it_makes_frames_leaves_the_records_of_scenarios(
+    spec: Spec, others: list[Spec], make: Make, tmp_path: Path
+) -> None:
+    for one in (spec, others[0]):
+        make(tmp_path, one, LENGTH)
+        IndexWriter(tmp_path, [one]).record_result(one.id, failed=False)
+    before = (tmp_path / INDEX_FILE).read_bytes()
+    IndexWriter(tmp_path, [spec, others[0]]).record_start(spec.id, missing_frames=0)
+    assert (tmp_path / INDEX_FILE).read_bytes() == before
+
+
+def test_a_scenario_whose_manifest_a_run_has_changed_awaits_its_result(
+    spec: Spec, make: Make, tmp_path: Path
+) -> None:
+    make(tmp_path, spec, 1)
+    index = IndexWriter(tmp_path, [spec])
+    end(index, spec)
+    make(tmp_path, spec, 2)
+    index.record_start(spec.id, missing_frames=0)
+    assert states(tmp_path) == {spec.id: "waiting"}
 
 
 def test_a_missing_scenario_and_a_changed_manifest_are_found(
@@ -262,6 +284,25 @@ def test_links_and_files_of_others_stay_in_a_split(two_roads: Path, tmp_path: Pa
     link_splits(two_roads, tmp_path)
     assert {path.name for path in (tmp_path / "train").iterdir()} == {"mine", "notes.txt"}
     assert len(list((tmp_path / "test").iterdir())) == 1
+
+
+def test_a_link_of_the_user_stays_though_the_program_made_one_like_it_elsewhere(
+    two_roads: Path, tmp_path: Path
+) -> None:
+    link_splits(two_roads, tmp_path / "made")
+    made = tmp_path / "made" / "test" / "ui_clear_night_dense"
+    mine = tmp_path / "mine" / "test" / "ui_clear_night_dense"
+    mine.parent.mkdir(parents=True)
+    mine.symlink_to(made.readlink())
+    (tmp_path / "copies").mkdir()
+    for folder in two_roads.iterdir():
+        if folder.is_dir():
+            shutil.copytree(folder, tmp_path / "copies" / folder.name)
+
+    with pytest.raises(InputError, match="no record that advercity made this link"):
+        link_splits(tmp_path / "copies", tmp_path / "mine")
+    assert mine.readlink() == made.readlink()
+    link_splits(two_roads, tmp_path / "mine")
 
 
 @pytest.mark.parametrize(

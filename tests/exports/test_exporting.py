@@ -13,6 +13,7 @@ from advercity_dsl import Spec
 from advercity.atomic_files import format_partial_name
 from advercity.cli.datasets import EXPORT_FORMAT_NAMES
 from advercity.dataset.agent_view import AgentView
+from advercity.dataset.partial_files import lock_scenario
 from advercity.dataset.reader import FrameView
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
@@ -96,7 +97,8 @@ def test_an_export_that_was_cut_short_ends_with_the_same_files(
     reports: list[Progress] = []
     export_dataset("kitti", dataset, output, report=reports.append)
     assert snapshot(output) == whole
-    assert [one.done for one in reports if one.scenario.startswith("rcnj")][:3] == [1, 2, 3]
+    counted = [one for one in reports if one.phase != "verify"]
+    assert [one.done for one in counted if one.scenario.startswith("rcnj")][:3] == [1, 2, 3]
 
 
 def test_frames_that_are_added_to_a_dataset_are_added_to_its_export(
@@ -282,10 +284,32 @@ def test_bad_input_is_explained(advercity: Command, dataset: Path, tmp_path: Pat
     (dataset / "ui_clear_night_dense" / "-1" / "000061_camera0.png").unlink()
     missing = refuse(advercity, "kitti", dataset, "--output", output)
     assert missing.endswith(
-        "-1/000061_camera0.png: is missing; `advercity verify` lists all such files,"
+        "-1/000061_camera0.png: missing; `advercity verify` lists all such files,"
         " `advercity repair` restores them"
     )
     assert not output.joinpath("training/velodyne/000023.bin").exists()
+
+
+def test_a_frame_that_is_not_as_its_manifest_says_is_not_exported(
+    advercity: Command, dataset: Path, tmp_path: Path
+) -> None:
+    labels = dataset / "ui_clear_night_dense" / "+101" / "000060.yaml"
+    labels.write_text(labels.read_text().replace("angle", "angel", 1))
+    line = refuse(advercity, "kitti", dataset, "--output", tmp_path / "exports" / "kitti")
+    assert f"{labels}: changed; `advercity verify` lists all such files" in line
+
+
+def test_a_split_shows_that_a_run_is_writing_its_dataset(
+    advercity: Command, dataset: Path, tmp_path: Path
+) -> None:
+    assert advercity("split", dataset, "--output", tmp_path / "splits").code == 0
+    scenario = dataset / "ui_clear_night_dense"
+    with lock_scenario(scenario):
+        exported = advercity("export", "kitti", tmp_path / "splits", "--output", tmp_path / "x")
+        verified = advercity("verify", tmp_path / "splits")
+    assert (exported.code, "a run is writing it" in exported.err) == (1, True)
+    assert (verified.code, "a run is writing it" in verified.err) == (1, True)
+    assert not (tmp_path / "splits" / "test" / ".staging").exists()
 
 
 def test_a_format_says_which_layout_it_needs(
