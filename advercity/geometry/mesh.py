@@ -50,9 +50,9 @@ class MeshLayer(IntEnum):
     """A detail that is not in parked vehicles."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles of one material and one semantic class.
+    """Triangles of one material and one semantic class; equal to itself alone.
 
     Attributes:
         name: Unique within its world or body.

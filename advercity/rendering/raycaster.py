@@ -1,11 +1,12 @@
 """Ray casting against the static world and the bodies that move in it, by Embree.
 
-The static world is one mesh, every shape that a body takes another, built at first use. A frame is
-a scene of instances, which are in motion if rays are cast between two frames. So almost nothing is
-built from frame to frame.
+The static world is one mesh, every shape that a body takes another, built at first use; poses of
+people are freed when nobody is in them. A frame is a scene of instances, which are in motion if
+rays are cast between two frames. So little is built from frame to frame.
 """
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -149,6 +150,7 @@ class Raycaster:
     def _build_placement(self, frame: Frame, previous_frame: Frame | None) -> "_PlacedFrame":
         states = frame.states
         bodies = [compute_body_pose(state, self._bodies) for state in states]
+        self._free_poses({body.shape for body in bodies})
         meshes = [self._world, *(self._get_shape_mesh(body.shape) for body in bodies)]
         body_from_mesh = np.array([np.eye(4), *(body.body_from_mesh for body in bodies)])
         current = [np.eye(4), *(state.world_from_body for state in states)] @ body_from_mesh
@@ -172,16 +174,25 @@ class Raycaster:
             self._shapes[shape] = self._register_meshes(shape.build_meshes(self._bodies))
         return self._shapes[shape]
 
+    def _free_poses(self, used: Set[BodyShape]) -> None:
+        """Free the poses that nobody is in: people have more than fit in memory."""
+        for shape in [item for item in self._shapes if item.pose_index is not None]:
+            if shape not in used:
+                freed = self._shapes.pop(shape)
+                self._triangles.remove(freed.first_triangle, freed.num_triangles)
+
     def _register_meshes(self, meshes: Sequence[Mesh]) -> "_RegisteredMesh":
-        return _RegisteredMesh(EmbreeMesh(meshes), self._triangles.add(meshes))
+        num_triangles = sum(len(mesh.triangles) for mesh in meshes)
+        return _RegisteredMesh(EmbreeMesh(meshes), self._triangles.add(meshes), num_triangles)
 
 
 @dataclass(frozen=True, eq=False)
 class _RegisteredMesh:
-    """A mesh in Embree, and the row of its first triangle in the triangle table."""
+    """A mesh in Embree, and the rows of its triangles in the triangle table."""
 
     mesh: EmbreeMesh
     first_triangle: int
+    num_triangles: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,30 +234,44 @@ class _PlacedFrame:
 class _TriangleTable:
     """Normal, material and semantic class of all triangles; the last row of each is for misses.
 
-    Arrays have spare rows, because shapes are registered while frames are cast.
+    Arrays have spare rows, because shapes are registered while frames are cast. Rows of removed
+    triangles are used for the next of the same number: those of another pose of the same body.
     """
 
     def __init__(self) -> None:
         self._count = 0
+        self._free_rows: defaultdict[int, list[int]] = defaultdict(list)
         self.normal: FloatArray = np.zeros((1, 3), np.float32)
         self.material: NDArray[np.int16] = np.zeros(1, np.int16)
         self.semantic: NDArray[np.uint8] = np.zeros(1, np.uint8)
 
     def add(self, meshes: Sequence[Mesh]) -> int:
-        """Append the triangles of some meshes; return the row of the first."""
+        """Add the triangles of some meshes; return the row of the first."""
         counts = [len(mesh.triangles) for mesh in meshes]
-        first, self._count = self._count, self._count + sum(counts)
+        num_triangles = sum(counts)
+        first = self._take_rows(num_triangles)
+        if meshes:
+            new = slice(first, first + num_triangles)
+            materials = [_find_material_index(mesh.material) for mesh in meshes]
+            self.normal[new] = np.concatenate([_compute_triangle_normals(mesh) for mesh in meshes])
+            self.material[new] = np.repeat(materials, counts)
+            self.semantic[new] = np.repeat([int(mesh.semantic) for mesh in meshes], counts)
+        return first
+
+    def remove(self, first: int, num_triangles: int) -> None:
+        """Free the rows of triangles that were added together."""
+        self._free_rows[num_triangles].append(first)
+
+    def _take_rows(self, count: int) -> int:
+        """Take free rows or append new ones; return the first."""
+        if self._free_rows[count]:
+            return self._free_rows[count].pop()
+        first, self._count = self._count, self._count + count
         if self._count >= len(self.material):
             room = self._count + self._count // 2 + 1 - len(self.material)
             self.normal = np.pad(self.normal, ((0, room), (0, 0)))
             self.material = np.pad(self.material, (0, room))
             self.semantic = np.pad(self.semantic, (0, room))
-        if meshes:
-            new = slice(first, self._count)
-            materials = [_find_material_index(mesh.material) for mesh in meshes]
-            self.normal[new] = np.concatenate([_compute_triangle_normals(mesh) for mesh in meshes])
-            self.material[new] = np.repeat(materials, counts)
-            self.semantic[new] = np.repeat([int(mesh.semantic) for mesh in meshes], counts)
         return first
 
 

@@ -49,7 +49,9 @@ NEAR_PLANE_M = 0.05
 """Least depth that is projected; nearer points and those behind the camera have no pixel."""
 CHORD_PX = 8.0
 """Length of the chords that replace a straight line which the lens bends."""
-NUM_HULL_DIRECTIONS = 256
+NUM_HULL_DIRECTIONS, HULL_BATCHES = 256, 16
+"""Directions in which the farthest points are sought, and in how many batches: few at a time, as
+models have many vertices."""
 HullPointLookup = Callable[[ActorState], NDArray[np.float64]]
 """Returns points (n, 3) of an actor's body, in its frame, whose convex hull is the body's."""
 
@@ -72,8 +74,8 @@ def build_hull_point_lookup(bodies: Mapping[str, Body]) -> HullPointLookup:
 def select_extreme_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Select the points (n, 3) that are the farthest in one of many evenly spread directions."""
     # A Fibonacci lattice: directions at golden-ratio azimuths and equal steps of height.
-    directions = np.ascontiguousarray(spread_directions(NUM_HULL_DIRECTIONS).T)
-    return points[np.unique(np.argmax(points @ directions, axis=0))]
+    directions = np.split(spread_directions(NUM_HULL_DIRECTIONS), HULL_BATCHES)
+    return points[np.unique([np.argmax(some @ points.T, axis=1) for some in directions])]
 
 
 def project_boxes(

@@ -1,3 +1,4 @@
+import gc
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,11 @@ from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import invert_pose, pose_matrix, rotation_matrix, transform_points
+from advercity.rendering.embree import EmbreeMesh
 from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster, RayHits, Rays
 from advercity.semantics import Semantic
 from advercity.testing import build_box
-from advercity.world import Body, World
+from advercity.world import Body, Gait, World
 
 
 def box(
@@ -241,3 +243,33 @@ def test_poses_between_two_go_straight_and_turn_evenly() -> None:
     np.testing.assert_allclose(halves[0][:3, :3], halves[1][:3, :3], atol=1e-12)
     np.testing.assert_allclose(between[1][:3, 3], [2, 1.5, 0.5])
     np.testing.assert_allclose(transform_points(between[1], np.zeros(3)), [2, 1.5, 0.5])
+
+
+def test_poses_of_people_are_freed_and_met_again() -> None:
+    lift = np.zeros((16, 1, 3, 4), np.float32)
+    lift[:, :, :, :3], lift[:, 0, 2, 3] = np.eye(3), np.linspace(0.0, 10.0, 16)
+    part = box((1, 1, 2), (0, 0, 1), "cloth_blue", Semantic.PEDESTRIAN)
+    part = replace(part, weights=np.ones((len(part.vertices), 1), np.float32))
+    body = Body((part,), (1, 1, 12), Gait(16.0, lift, returns_to_rest=True))
+    eye = Raycaster(World("tried", (WALL,), {"car": CAR, "walker": body}, (), Path("none")))
+    actor = Actor(1, "pedestrian", "walker", "cloth_grey", body.size)
+    walker = ActorState(actor, pose_matrix((10, 0, 0)), 1.0, 0.0, Lamp(0))
+    others = [car(2, 8, 5), car(3, 8, -5)]
+    heights: list[int] = []
+    held: list[int] = []
+    for metres in (*range(40), 0):
+        # Vehicles of a new kind come while poses change rows.
+        eye.place(frame(*others[: metres % 3], replace(walker, travelled_m=float(metres))))
+        up = np.arange(0.5, 13.0)
+        origins = np.column_stack([np.zeros(13), np.zeros(13), up])
+        hits = eye.cast(rays(origins, np.tile([1.0, 0.0, 0.0], (13, 1))), 100.0)
+        seen = hits.semantic == Semantic.PEDESTRIAN
+        np.testing.assert_array_equal(hits.instance, np.where(seen, 1, 0))
+        np.testing.assert_array_equal(hits.normal[:, 0], np.where(seen | (up < 10.0), -1.0, 0.0))
+        heights.append(int(seen.argmax()))
+        gc.collect()
+        held.append(sum(isinstance(item, EmbreeMesh) for item in gc.get_objects()))
+    assert len(set(heights)) > 5
+    assert heights[0] == heights[-1]
+    # The world, the vehicle and one pose.
+    assert max(held) - min(held) <= 1

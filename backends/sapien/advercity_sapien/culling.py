@@ -92,6 +92,16 @@ class FrustumCuller:
         self._pixel_m = np.vstack([self._pixel_m, pixel_m])
         self._shown = np.append(self._shown, True)
 
+    def remove_body(self, body: RenderBody) -> None:
+        """Remove a body; the last takes its row."""
+        row, last = self._numbers.pop(body), self._bodies.pop()
+        if last is not body:
+            self._bodies[row], self._numbers[last] = last, row
+        for values in (self._centre, self._half, self._pixel_m, self._shown):
+            values[row] = values[-1]
+        self._centre, self._half = self._centre[:-1], self._half[:-1]
+        self._pixel_m, self._shown = self._pixel_m[:-1], self._shown[:-1]
+
     def move_body(self, body: RenderBody, centre: ArrayLike) -> None:
         """Move the centre (3,) of a body's bounding box."""
         self._centre[self._numbers[body]] = centre

@@ -85,6 +85,7 @@ class SapienRenderer:
             self._bindings,
             night=atmosphere.night,
             has_distant_pieces=not self._is_ray_traced,
+            frees_poses=not self._is_ray_traced,
         )
         self._sun_shadow = SunShadow(atmosphere, self._scene)
         self._cameras: dict[tuple[int, int], sapien.render.RenderCameraComponent] = {}
@@ -147,6 +148,7 @@ class SapienRenderer:
 
     def place(self, frame: Frame) -> None:
         """Move every actor to its pose in `frame`, and switch lamps and signals."""
+        self._discard_pending()
         self._sapien_scene.place_actors(frame)
         lamps = list_light_sources(self._world, frame) if self._atmosphere.night else []
         self._lamps = LampLists(lamps, self._atmosphere)

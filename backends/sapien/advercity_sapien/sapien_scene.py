@@ -1,7 +1,7 @@
 """Puts a world into a SAPIEN scene and moves it: static meshes, signals and actors."""
 
 from collections import defaultdict
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Literal
@@ -60,27 +60,29 @@ class RenderShapeCache:
     def __init__(self, textures: MaterialTextures) -> None:
         self._textures = textures
         self._materials: dict[tuple[str, str, MapAxes | None], sapien.render.RenderMaterial] = {}
-        self._shapes: dict[tuple[int, str, bool], sapien.render.RenderShape] = {}
-        # Keys are ids, so meshes must live: another would get the id of one that is gone.
-        self._kept: list[Mesh] = []
+        self._shapes: dict[Mesh, dict[tuple[str, bool], sapien.render.RenderShape]] = {}
 
     def create_shape(
         self, mesh: Mesh, paint: str = "", *, is_static: bool = False
     ) -> sapien.render.RenderShape:
-        """Create a shape of a mesh; a painted part gets the material `paint`."""
-        material = paint if mesh.material == PAINT_MATERIAL else mesh.material
-        axes = MapAxes.MESH if mesh.uv is not None else MapAxes.WORLD if is_static else None
-        key = id(mesh), material, is_static
-        if key not in self._shapes:
-            self._shapes[key] = self._build_shape(
-                mesh, self._get_material(material, mesh.maps, axes)
-            )
-            self._kept.append(mesh)
-        return self._shapes[key].clone()
+        """Create a shape of a mesh that other bodies have, too."""
+        known = self._shapes.setdefault(mesh, {})
+        key = paint if mesh.material == PAINT_MATERIAL else mesh.material, is_static
+        if key not in known:
+            known[key] = self.create_single_shape(mesh, paint, is_static=is_static)
+        return known[key].clone()
 
-    def _build_shape(
-        self, mesh: Mesh, material: sapien.render.RenderMaterial
-    ) -> sapien.render.RenderShapeTriangleMesh:
+    def keep_only(self, meshes: Collection[Mesh]) -> None:
+        """Free the shapes of all but some meshes; bodies keep those that they have."""
+        self._shapes = {mesh: made for mesh, made in self._shapes.items() if mesh in meshes}
+
+    def create_single_shape(
+        self, mesh: Mesh, paint: str = "", *, is_static: bool = False
+    ) -> sapien.render.RenderShape:
+        """Create a shape of a mesh that is not kept; a painted part gets the material `paint`."""
+        axes = MapAxes.MESH if mesh.uv is not None else MapAxes.WORLD if is_static else None
+        name = paint if mesh.material == PAINT_MATERIAL else mesh.material
+        material = self._get_material(name, mesh.maps, axes)
         vertices, triangles, normals, uv = _with_normals(mesh)
         if mesh.semantic in TWO_SIDED_CLASSES or mesh.material in LEAF_MATERIALS:
             triangles = np.concatenate([triangles, triangles[:, ::-1]])
@@ -159,7 +161,9 @@ class SapienScene:
     """The bodies of a world in a SAPIEN scene.
 
     Bodies of actors that left are used for the next of their appearance: adding bodies to a
-    ray-traced scene rebuilds its pipelines, and a long scenario would never stop growing.
+    ray-traced scene rebuilds its pipelines, and it has room for a limited number. In a raster scene
+    poses that no actor is in are freed: people have more than fit in memory, and seldom return to
+    one soon.
 
     Attributes:
         segmentation: Classes and actors by SAPIEN's shape ids.
@@ -174,13 +178,14 @@ class SapienScene:
         *,
         night: bool,
         has_distant_pieces: bool = True,
+        frees_poses: bool = True,
     ) -> None:
         self.segmentation = SegmentationTable()
         self.culler = FrustumCuller()
         self._world = world
         self._scene = scene
         self._bindings = bindings
-        self._has_distant_pieces = has_distant_pieces
+        self._has_distant_pieces, self._frees_poses = has_distant_pieces, frees_poses
         self._shapes = RenderShapeCache(MaterialTextures(world.material_maps))
         self._actors: dict[int, tuple[Appearance, ActorBodies]] = {}
         self._spare_bodies: defaultdict[Appearance, list[ActorBodies]] = defaultdict(list)
@@ -211,8 +216,25 @@ class SapienScene:
             self._move_bodies(bodies, state, world_from_mesh)
             for body in bodies.values():
                 self._bindings.set_lit_lamps(body, int(state.lamps))
+        if self._frees_poses:
+            self._free_spare_poses()
         for name, body in self._signals:
             self._bindings.set_lit_lamps(body, FIRST_SIGNAL_BIT << frame.signals[name])
+
+    def _free_spare_poses(self) -> None:
+        for appearance in [item for item in self._spare_bodies if item[0].pose_index is not None]:
+            for bodies in self._spare_bodies.pop(appearance):
+                for body in bodies.values():
+                    self.culler.remove_body(body)
+                    self._scene.remove_entity(body.entity)
+        shown = {shape for (shape, _), _ in self._actors.values()}
+        self._meshes = {
+            shape: pieces
+            for shape, pieces in self._meshes.items()
+            if shape.pose_index is None or shape in shown
+        }
+        groups = [meshes for pieces in self._meshes.values() for meshes in pieces.values()]
+        self._shapes.keep_only({mesh for meshes in groups for mesh in meshes})
 
     @contextmanager
     def hide_actors(self, actor_ids: Iterable[int]) -> Generator[None, None, None]:
@@ -267,7 +289,7 @@ class SapienScene:
         self.culler.move_body(body, pose.p)
 
     def _add_static(self, number: int, mesh: Mesh, lit: int, pixel_m: PixelRange) -> None:
-        body = self._add([mesh], is_static=True)
+        body = self._add([self._shapes.create_single_shape(mesh, is_static=True)])
         self._bindings.set_static_mesh(body, number)
         self._label_shapes(body, [mesh], 0)
         self._bindings.set_lit_lamps(body, lit)
@@ -275,7 +297,10 @@ class SapienScene:
         self.culler.add_body(body, low, high, pixel_m=pixel_m)
 
     def _add_piece(self, piece: Piece, meshes: Sequence[Mesh], paint: str) -> RenderBody:
-        body = self._add(meshes, paint, is_static=piece == "distant panes")
+        is_static = piece == "distant panes"
+        body = self._add(
+            [self._shapes.create_shape(mesh, paint, is_static=is_static) for mesh in meshes]
+        )
         if piece == "panes":
             body.shading_mode = GLASS_SHADING_MODE
         # A cube around the sphere of all vertices fits in any orientation.
@@ -286,18 +311,16 @@ class SapienScene:
 
     def _add_signal(self, lamp: SignalLamp) -> RenderBody:
         meshes = build_signal_lenses(lamp.governs)
-        body = self._add(meshes)
+        body = self._add([self._shapes.create_shape(mesh) for mesh in meshes])
         self._label_shapes(body, meshes, 0)
         yaw = float(np.arctan2(lamp.facing[1], lamp.facing[0]))
         body.entity.set_pose(sapien.Pose(pose_matrix(lamp.position, yaw=yaw)))
         return body
 
-    def _add(
-        self, meshes: Iterable[Mesh], paint: str = "", *, is_static: bool = False
-    ) -> RenderBody:
+    def _add(self, shapes: Iterable[sapien.render.RenderShape]) -> RenderBody:
         body = RenderBody()
-        for mesh in meshes:
-            body.attach(self._shapes.create_shape(mesh, paint, is_static=is_static))
+        for shape in shapes:
+            body.attach(shape)
         entity = sapien.Entity()
         entity.add_component(body)
         self._scene.add_entity(entity)

@@ -1,16 +1,21 @@
 """Promises of the renderer for every image, with both shader packs."""
 
+import gc
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
+from unittest.mock import create_autospec
 
 import numpy as np
 import pytest
+import sapien
 from advercity_sapien import SapienBackend
 from advercity_sapien.culling import FrustumCuller
 from advercity_sapien.renderer import SapienRenderer
+from advercity_sapien.sapien_scene import SapienScene
+from advercity_sapien.shader_bindings import RasterBindings
 from numpy.typing import ArrayLike, NDArray
 
 from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
@@ -24,7 +29,7 @@ from advercity.physics.sky import build_airlight_cubemap
 from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
 from advercity.rendering.light_sources import list_light_sources
 from advercity.semantics import Semantic
-from advercity.world import Body, SignalLamp, StreetLamp, World
+from advercity.world import Body, Gait, SignalLamp, StreetLamp, World
 from tests.render_builders import (
     LUMINANCE,
     build_box,
@@ -362,6 +367,45 @@ def test_pictures_do_not_depend_on_what_was_rendered_before(opened: Open) -> Non
     first, second = shoot(order), shoot(order[::-1])
     assert first == second
     assert len(set(first.values())) == 4
+
+
+def walker_world() -> World:
+    """A world with a body that rises and sinks as it walks, in poses of some triangles each."""
+    lift = np.zeros((16, 1, 3, 4), np.float32)
+    lift[:, :, :, :3], lift[:, 0, 2, 3] = np.eye(3), np.linspace(0.0, 1.0, 16)
+    part = build_box((0, 0, 1), (2, 2, 2), "paint", Semantic.PEDESTRIAN)
+    part = replace(part, weights=np.ones((len(part.vertices), 1), np.float32))
+    body = Body((part,), (2.0, 2.0, 3.0), Gait(16.0, lift, returns_to_rest=True))
+    return world_of(bodies={"box": body})
+
+
+def walkers_after(metres: int) -> Frame:
+    """Two walkers; with each metre each takes another pose."""
+    both = state(1, (8, 2, 0)), state(2, (8, -2, 0))
+    walking = [replace(one, speed_m_s=1.0, travelled_m=float(metres)) for one in both]
+    return frame_of(*walking, index=metres)
+
+
+def test_poses_are_freed_and_look_the_same_when_they_return(opened: Open) -> None:
+    pictures: list[bytes] = []
+    air = air_of(sky=uniform(1000.0))
+    with opened(walker_world(), air) as renderer:
+        for metres in (0, 5, 9, 0):
+            renderer.place(replace(walkers_after(metres), index=0))
+            pictures.append(renderer.render_camera(view_of(size=(64, 48))).radiance.tobytes())
+    assert pictures[0] == pictures[-1]
+    assert len(set(pictures)) == 3
+
+
+def test_a_scene_holds_no_more_poses_than_a_frame_has() -> None:
+    scene = sapien.Scene([sapien.render.RenderSystem(sapien.Device("cpu"))])
+    placed = SapienScene(walker_world(), scene, create_autospec(RasterBindings), night=False)
+    for metres in range(40):
+        placed.place_actors(walkers_after(metres))
+        assert len(scene.entities) == 2
+    gc.collect()
+    held = [item for item in gc.get_objects() if isinstance(item, Mesh)]
+    assert sum(item.semantic == Semantic.PEDESTRIAN for item in held) <= 3
 
 
 def test_pictures_taken_together_are_those_taken_one_by_one(opened: Open) -> None:
