@@ -126,10 +126,12 @@ def evaluate_predictions(
 
     Raises:
         InputError: A file cannot be read, the dataset has no frames, a line is of a frame that it
-            does not have, or no object has one of the classes.
+            does not have, no object has one of the classes, or the area is empty.
     """
     options = options or EvaluationOptions()
     _check_classes(options.classes)
+    if not all(0 < half_m < math.inf for half_m in options.range_m):
+        raise InputError("`area` must be two lengths above 0 m")
     loaded, scenes = load_predictions(predictions), Dataset(dataset).scenarios
     written = [(scene.spec.id, number) for scene in scenes for number in scene.frame_numbers]
     unknown = sorted(loaded.frames.keys() - set(written))

@@ -31,6 +31,7 @@ _Finite = Annotated[float, Field(ge=-1e7, le=1e7)]
 _Size = Annotated[float, Field(gt=0, le=1000)]
 _Box = tuple[_Finite, _Finite, _Finite, _Size, _Size, _Size, _Finite]
 _Coordinates = Literal["lidar", "lidar_left_handed", "world"]
+_Text = Annotated[str, Field(max_length=200, pattern="^[^\\x00]*$")]
 _ModelT = TypeVar("_ModelT", bound=Model)
 
 
@@ -48,7 +49,7 @@ class _FrameLine(Model):
     frame: Annotated[int, Field(ge=0)]
     boxes: Annotated[list[_Box], Field(max_length=MAX_BOXES)]
     scores: Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(max_length=MAX_BOXES)]
-    classes: Annotated[list[str], Field(max_length=MAX_BOXES)] | None = None
+    classes: Annotated[list[_Text], Field(max_length=MAX_BOXES)] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,7 +53,7 @@ def lock(
         bool, typer.Option("--check", help="Only compare the locks with the installed models.")
     ] = False,
 ) -> None:
-    """Write the checksums of a library's models as built, in place of former ones.
+    """Write the checksums of a library's models anew.
 
     Specs take them from the lock next to each catalogue. Adds models of your own to the store.
     """

@@ -168,8 +168,9 @@ def _report(specs: "list[Spec]", output: Path) -> None:
     from advercity_dsl import Vehicle
 
     from advercity.compiler import write_specs
+    from advercity.compiler.recorded_roads import SPECS_FOLDER
 
-    folder = output / "specs"
+    folder = output / SPECS_FOLDER
     counts = write_specs(specs, folder)
     road = specs[0].road
     followed = ", ".join(

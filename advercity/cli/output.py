@@ -9,6 +9,8 @@ from typing import NoReturn
 
 from rich.console import Console
 
+from advercity.errors import escape_control_characters
+
 stderr_console = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 _status = stderr_console.status("")
 
@@ -39,7 +41,8 @@ def print_data(text: str) -> None:
 def print_remark(text: str) -> None:
     """Print what was done, or what to know of it, on stderr."""
     end_status()
-    stderr_console.print(text, markup=False)
+    lines = map(escape_control_characters, text.split("\n"))
+    stderr_console.print("\n".join(lines), markup=False)
 
 
 OPTION_PARAMETERS = (

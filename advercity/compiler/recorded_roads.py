@@ -20,6 +20,7 @@ from advercity_dsl.units import KM_H_PER_M_S
 from advercity.compiler.crossing import compile_library
 from advercity.compiler.library import Library, load_library
 from advercity.compiler.shipped_library import find_shipped_library, suggest_declaration
+from advercity.compiler.spec_files import check_spec_files
 from advercity.compiler.suites import CONNECTED_CLASSES
 from advercity.errors import InputError, report_write_errors
 from advercity.output_files import open_output_folder
@@ -45,6 +46,7 @@ SUGGESTED_EGOS = 8
 EGO_NAMES = ("ego", "hero", "egovehicle")
 MAP_SOURCES = {".xodr": "opendrive", ".osm": "osm", ".net.xml": "sumo"}
 TABLE_FILE, ROAD_FILE, SUITE_FILE = "trajectories.csv", "road.yaml", "suite.yaml"
+SPECS_FOLDER = "specs"
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,8 @@ def write_recorded_road(
 ) -> list[Spec]:
     """Write a library whose road has the tracks of a recording, and compile it.
 
+    The specs are for `output / SPECS_FOLDER`.
+
     Args:
         recording: The recording.
         map_file: Its map; None is the one that it names.
@@ -145,6 +149,7 @@ def write_recorded_road(
         _write_yaml(folder / SUITE_FILE, _build_suite(name, choice, bodies, to_s - from_s))
         specs = compile_library(find_shipped_library(), folder, suite=name)
         _check_places(specs[0], cut_tracks(kept, from_s, to_s))
+        check_spec_files(specs, output / SPECS_FOLDER)  # before anything is written
     return specs
 
 

@@ -92,6 +92,12 @@ def write_specs(specs: Iterable[Spec], folder: str | os.PathLike[str]) -> str:
     return ", ".join(f"{changes[kind]} {kind}" for kind in order if changes[kind])
 
 
+def check_spec_files(specs: Iterable[Spec], folder: Path) -> None:
+    """Raise an InputError if `write_specs` would refuse to replace a file of that name."""
+    for spec in specs:
+        _compare_file(folder / f"{spec.id}.json", to_json(spec))
+
+
 def _compare_file(path: Path, text: str) -> str:
     if not os.path.lexists(path):
         return "new"

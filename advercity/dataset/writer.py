@@ -44,7 +44,7 @@ from advercity.dataset.scenario_folders import (
     find_staging_folder,
     no_dataset_to_replace_error,
 )
-from advercity.errors import RunError
+from advercity.errors import RunError, describe_cause
 from advercity.roads.road_network import build_road
 from advercity.sensors.sensor_frame import SensorFrame
 
@@ -261,13 +261,22 @@ class ScenarioWriter(FrameWriter):
         numbered = {path: file for path, file in found.files.items() if file.frame is not None}
         append_to_journal(self.scenario, 0, numbered, moved=False)
         for path in own:
-            (self.scenario / path).unlink(missing_ok=True)
+            self._remove_former(path)
         for folder in names.folders:
             with suppress(OSError):  # not there, or files of others are in it
                 (self.scenario / folder).rmdir()
         kept = sum(1 for path in self.scenario.rglob("*") if not path.is_dir()) - 1
         if kept:
             _logger.warning("%s: %s of no run kept", self.scenario, format_file_count(kept))
+
+    def _remove_former(self, path: str) -> None:
+        try:
+            (self.scenario / path).unlink(missing_ok=True)
+        except OSError as error:
+            raise RunError(
+                f"{self.scenario / path}: cannot be deleted: {describe_cause(error)}; `fresh` has"
+                " deleted a part of the frames: mend this, and run again"
+            ) from error
 
     def _find_finished_records(self, manifest: Manifest) -> dict[str, FileRecord]:
         """Find the records of the frames whose files are all as recorded.

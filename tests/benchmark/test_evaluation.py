@@ -228,6 +228,7 @@ LINE = {"scenario": SCENES[0], "frame": 0, "boxes": [[9, 0, 0, 4, 2, 1.5, 0]], "
         (f"{HEADER}\n\n{json.dumps(LINE)}\n{json.dumps(LINE)}", ":4: frame 0 of .* is repeated"),
         (f"{HEADER}\n{json.dumps(LINE | {'frame': 99})}", "frame 99 of .* is not in"),
         (f"{HEADER}\n{json.dumps(LINE | {'score': 1})}", ":2: score: Extra inputs"),
+        (f"{HEADER}\n{json.dumps(LINE | {'classes': ['car' + chr(0)]})}", r":2: classes\.0"),
     ],
 )
 def test_a_wrong_line_is_named(two_roads: Path, tmp_path: Path, text: str, message: str) -> None:
@@ -240,6 +241,14 @@ def test_a_wrong_line_is_named(two_roads: Path, tmp_path: Path, text: str, messa
 def test_an_unknown_class_is_refused_with_one_that_exists(two_roads: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="unknown class 'cars'; did you mean 'car'"):
         evaluate(two_roads, tmp_path, {}, classes=("cars",))
+
+
+@pytest.mark.parametrize("area", [(math.nan, 40.0), (0.0, 40.0), (140.0, -1.0), (math.inf, 1.0)])
+def test_an_area_without_extent_is_refused(
+    two_roads: Path, tmp_path: Path, area: tuple[float, float]
+) -> None:
+    with pytest.raises(InputError, match="`area` must be two lengths above 0 m"):
+        evaluate(two_roads, tmp_path, {}, range_m=area)
 
 
 def test_predictions_of_classes_that_do_not_count_are_left_out(

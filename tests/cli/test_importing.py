@@ -83,6 +83,21 @@ def test_the_same_import_again_changes_nothing(advercity: Command, tmp_path: Pat
     assert "road 'recorded_07_tracks'" in ran.err
 
 
+def test_nothing_is_written_where_a_spec_of_the_user_would_be_replaced(
+    advercity: Command, tmp_path: Path
+) -> None:
+    mine = tmp_path / "out" / "specs" / "recorded_07_tracks_clear_day_sparse.json"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
+    ran = advercity(
+        *("import", "trajectories", write_ind(tmp_path), "--map", write_street(tmp_path)),
+        *("--ego", "1", "--looks", "shaped", "--output", tmp_path / "out"),
+    )
+    assert (ran.code, f"{mine}: is not as it was compiled" in ran.err) == (2, True)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["specs"]
+    assert mine.read_text() == "mine"
+
+
 @pytest.mark.parametrize(
     ("options", "expected"),
     {

@@ -393,7 +393,8 @@ def test_a_scenario_that_fresh_empties_in_part_counts_as_without_frames(
 
     with monkeypatch.context() as patched:
         patched.setattr(Path, "unlink", refuse_the_tenth)
-        with pytest.raises(RunError, match="not permitted"), writer(whole, fresh=True):
+        message = "not permitted; `fresh` has deleted a part of the frames"
+        with pytest.raises(RunError, match=message), writer(whole, fresh=True):
             pass
     manifest = Manifest.load(find_scenarios(whole)[0])
     assert (manifest.frames, manifest.complete) == ((), False)
