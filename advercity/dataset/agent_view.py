@@ -40,9 +40,11 @@ from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.measurements import (
+    CanSample,
     GnssFix,
     GnssSolution,
     ImuSample,
+    Indicator,
     OpticalFlow,
     RadarCube,
     SolutionQuality,
@@ -321,17 +323,29 @@ class AgentView:
     @property
     def motion(self) -> tuple[GnssFix | None, ImuSample | None]:
         """What receiver and inertial unit reported, where the agent has them; read at every use."""
+        document = self._load_motion()
+        with report_read_errors(self.path(self._format.motion_suffix)):
+            gnss, imu = document.get("gnss"), document.get("imu")
+            return gnss and _parse_gnss(gnss), imu and _parse_imu(imu)
+
+    @property
+    def can(self) -> CanSample | None:
+        """Signals of the vehicle's bus, where its rig has them; read at every use."""
+        if self.agent.sensors.can is None:
+            return None
+        document = self._load_motion()
+        with report_read_errors(self.path(self._format.motion_suffix)):
+            signals = document.get("can")
+            return signals and _parse_can(signals)
+
+    def _load_motion(self) -> dict[str, Any]:
+        """Load what receiver, inertial unit and bus reported; nothing of agents without them."""
         if not has_motion_file(self.agent):
-            return None, None
+            return {}
         path = self.path(self._format.motion_suffix)
         with report_read_errors(path):
             raw = read_bytes(path, max_bytes=MAX_YAML_BYTES)
-            document: dict[str, Any] = parse_yaml(raw, path, hint=REPAIR_HINT) or {}
-            gnss, imu = document.get("gnss"), document.get("imu")
-            return (
-                gnss and _parse_gnss(gnss),
-                imu and _parse_imu(imu),
-            )
+            return parse_yaml(raw, path, hint=REPAIR_HINT) or {}
 
     @property
     def messages_suffix(self) -> str:
@@ -469,6 +483,19 @@ def _parse_imu(sample: dict[str, Any]) -> ImuSample:
         compass_rad=sample["compass"],
         time_s=sample.get("time_offset", 0.0),
         earlier=tuple(map(_parse_imu, sample.get("earlier", ()))),
+    )
+
+
+def _parse_can(signals: dict[str, Any]) -> CanSample:
+    return CanSample(
+        wheel_speeds_m_s=np.array(signals["wheel_speeds_m_s"], dtype=np.float64),
+        speed_m_s=signals["speed_m_s"],
+        steering_wheel_rad=signals["steering_wheel_rad"],
+        yaw_rate_rad_s=signals["yaw_rate_rad_s"],
+        is_braking=signals["brake"],
+        indicator=Indicator(signals["indicator"]),
+        time_s=signals.get("time_offset", 0.0),
+        earlier=tuple(map(_parse_can, signals.get("earlier", ()))),
     )
 
 

@@ -34,7 +34,7 @@ from advercity.dataset.weather_truth import WeatherTruth
 from advercity.geometry import poses
 from advercity.materials import MATERIALS
 from advercity.sensors.annotation import Annotation
-from advercity.sensors.measurements import GnssFix, ImuSample, SolutionQuality
+from advercity.sensors.measurements import CanSample, GnssFix, ImuSample, SolutionQuality
 from advercity.sensors.sensor_frame import ProjectedBox, SensorFrame
 
 UNLIMITED_LINE_WIDTH = 2**30
@@ -235,10 +235,11 @@ def _describe_lens(lens: CameraLens | None) -> dict[str, Any]:
 
 
 def build_motion_document(sensor_frame: SensorFrame) -> dict[str, Any]:
-    """Build the document of GNSS and IMU, with those of the two that the agent has."""
+    """Build the document of GNSS, IMU and bus, with those of them that the agent has."""
     gnss = {} if sensor_frame.gnss is None else {"gnss": _describe_gnss(sensor_frame.gnss)}
     imu = {} if sensor_frame.imu is None else {"imu": _describe_imu(sensor_frame.imu)}
-    return gnss | imu
+    can = {} if sensor_frame.can is None else {"can": _describe_can(sensor_frame.can)}
+    return gnss | imu | can
 
 
 def _describe_gnss(fix: GnssFix) -> dict[str, Any]:
@@ -278,6 +279,21 @@ def _describe_imu(sample: ImuSample) -> dict[str, Any]:
         "accelerometer": dict(zip("xyz", acceleration, strict=True)),
         "gyroscope": dict(zip("xyz", rate, strict=True)),
         "compass": to_plain(sample.compass_rad),
+    }
+
+
+def _describe_can(sample: CanSample) -> dict[str, Any]:
+    """Describe signals of a bus in its own convention: metres, radians, positive to the left."""
+    earlier = [_describe_can(one) for one in sample.earlier]
+    return {
+        **({"time_offset": to_plain(sample.time_s)} if sample.time_s else {}),
+        **({"earlier": earlier} if earlier else {}),
+        "wheel_speeds_m_s": to_plain(sample.wheel_speeds_m_s),
+        "speed_m_s": to_plain(sample.speed_m_s),
+        "steering_wheel_rad": to_plain(sample.steering_wheel_rad),
+        "yaw_rate_rad_s": to_plain(sample.yaw_rate_rad_s),
+        "brake": sample.is_braking,
+        "indicator": sample.indicator.value,
     }
 
 

@@ -12,9 +12,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.formats import DatasetFormat, find_format, format_frame_name
+from advercity.dataset.sample_series import (
+    SampleKind,
+    SampleSeries,
+    join_can_samples,
+    join_fixes,
+    join_imu_samples,
+)
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
     MANIFEST_VERSION,
@@ -135,6 +143,39 @@ class Scenario(Sequence[FrameView]):
     def frame(self, index: int) -> FrameView:
         """Return the frame with that number, counted from the first kept one."""
         return FrameView(self, index)
+
+    def load_samples(self, agent: str, kind: SampleKind) -> SampleSeries:
+        """Load all samples of an agent's receiver, inertial unit or bus in the written frames.
+
+        Frames are at `frame.time_s` on the same time axis; a sensor that the agent does not have
+        has no samples. Reads one file a frame.
+        """
+        views = [(frame.time_s, frame[agent]) for frame in self]
+        if kind == "gnss":
+            return join_fixes((time_s, view.motion[0]) for time_s, view in views)
+        if kind == "imu":
+            return join_imu_samples((time_s, view.motion[1]) for time_s, view in views)
+        return join_can_samples((time_s, view.can) for time_s, view in views)
+
+    def load_stamps(self, agent: str) -> dict[str, NDArray[np.float64]]:
+        """Load the times (n,) of an agent's measurements since the scenario's start, by sensor.
+
+        `camera0`, `lidar0` and `radar0` count as in the files; they measure with every frame, a
+        LiDAR until then. `gnss`, `imu` and `can` are those that the agent has.
+        """
+        sensors = self[0][agent].agent.sensors
+        frames = np.array([frame.time_s for frame in self])
+        counts = {
+            "camera": len(sensors.cameras),
+            "lidar": len(sensors.lidars),
+            "radar": len(sensors.radars),
+        }
+        stamps = {
+            f"{name}{number}": frames for name, count in counts.items() for number in range(count)
+        }
+        kinds: tuple[SampleKind, ...] = ("gnss", "imu", "can")
+        found = {kind: self.load_samples(agent, kind).times_s for kind in kinds}
+        return stamps | {kind: times for kind, times in found.items() if len(times)}
 
     def __len__(self) -> int:
         """Return the number of written frames."""

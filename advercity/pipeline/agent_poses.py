@@ -26,9 +26,10 @@ from advercity.physics.timeline import WeatherTimeline
 from advercity.randomness import create_generator, sample_gauss_markov
 from advercity.roads.road_network import build_road
 from advercity.scene.parking import place_parked_cars
+from advercity.sensors.can_bus import sample_can_bus
 from advercity.sensors.gnss import ReceiverInPlace, SkyView, measure_gnss
 from advercity.sensors.imu import ImuConditions, measure_imu
-from advercity.sensors.measurements import GnssFix, ImuSample
+from advercity.sensors.measurements import CanSample, GnssFix, ImuSample
 from advercity.sensors.radar import PlacedRadar
 from advercity.sensors.sample_times import list_sample_times
 from advercity.sensors.sensor_frame import CameraImage, LidarScan, RadarScan, SensorFrame
@@ -84,7 +85,7 @@ class AgentPoses:
         min_points: int = 0,
         fix: GnssFix | None = None,
     ) -> SensorFrame:
-        """Add pose, GNSS, IMU and planned path of an agent to what its other sensors saw.
+        """Add pose, GNSS, IMU, bus and planned path of an agent to what its other sensors saw.
 
         Args:
             agent: The agent.
@@ -114,6 +115,7 @@ class AgentPoses:
             min_points=min_points,
             gnss=None if is_unit and not has_satellites else gnss,
             imu=self._measure_imu(agent, frame),
+            can=self._sample_can_bus(agent, frame.index),
             planned_trajectory=() if is_unit else self._load_planned_path(agent, frame.index),
             conflict_roles=self._roles,
             weather=(self.timeline.weather_at(frame.index) if self.timeline.is_changing else None),
@@ -323,6 +325,21 @@ class AgentPoses:
                 running_s=frame.time_s,
                 travelled_m=(self._travelled_m(agent, before), self._travelled_m(agent, index)),
             ),
+        )
+
+    def _sample_can_bus(self, agent: Agent, index: int) -> CanSample | None:
+        """Sample the bus of a vehicle that has one; until the first frame nothing has changed."""
+        if agent.sensors.can is None or isinstance(agent.place, RoadsideUnit):
+            return None
+        before, now = (
+            self._traced(at).get_state(agent.number) for at in (max(index - 1, 0), index)
+        )
+        return sample_can_bus(
+            agent.sensors.can,
+            (before, now),
+            self._trace.tick_s,
+            key=self._build_drive_key(agent),
+            frame=index,
         )
 
     def _build_drive_key(self, agent: Agent) -> tuple[int | str, ...]:

@@ -81,6 +81,40 @@ class ImuSample:
     earlier: "tuple[ImuSample, ...]" = ()
 
 
+class Indicator(StrEnum):
+    """What a vehicle's indicators show, whether they are lit at the moment or not."""
+
+    OFF = "off"
+    LEFT = "left"
+    RIGHT = "right"
+    HAZARD = "hazard"
+
+
+@dataclass(frozen=True, eq=False)
+class CanSample:
+    """Signals of a vehicle's bus.
+
+    Attributes:
+        wheel_speeds_m_s: (4,) of front left, front right, rear left, rear right.
+        speed_m_s: Of the vehicle, from its rear wheels.
+        steering_wheel_rad: Angle of the steering wheel, positive to the left.
+        yaw_rate_rad_s: Positive to the left.
+        is_braking: Whether the brake's lamps are on.
+        indicator: The indicators.
+        time_s: Time relative to the frame's instant, 0 or negative.
+        earlier: Samples since the previous frame, of a bus faster than the frames.
+    """
+
+    wheel_speeds_m_s: Float64Array
+    speed_m_s: float
+    steering_wheel_rad: float
+    yaw_rate_rad_s: float
+    is_braking: bool
+    indicator: Indicator
+    time_s: float = 0.0
+    earlier: "tuple[CanSample, ...]" = ()
+
+
 class PointKind(IntEnum):
     """Kind of target that a point's return came from; the values are written to files."""
 

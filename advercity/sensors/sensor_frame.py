@@ -13,6 +13,7 @@ from advercity.frames import Frame
 from advercity.geometry.poses import Matrix
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.measurements import (
+    CanSample,
     GnssFix,
     ImuSample,
     OpticalFlow,
@@ -126,6 +127,7 @@ class SensorFrame:
         min_points: Number of points that an actor must return to be annotated.
         gnss: Fix of the receiver; None without a receiver or a fix.
         imu: Sample of the inertial unit; None without one.
+        can: Signals of the vehicle's bus; None without one.
         planned_trajectory: Next points of the agent's trajectory: x, y, speed in m/s.
         conflict_roles: Roles of all actors in staged conflicts.
         weather: Weather at this tick if it changes over time, else None.
@@ -142,6 +144,7 @@ class SensorFrame:
     min_points: int = 0
     gnss: GnssFix | None = None
     imu: ImuSample | None = None
+    can: CanSample | None = None
     planned_trajectory: tuple[tuple[float, float, float], ...] = ()
     conflict_roles: ConflictRoles = field(default_factory=dict[int, Mapping[str, ConflictRole]])
     weather: Weather | None = None

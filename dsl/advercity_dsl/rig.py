@@ -19,6 +19,7 @@ from advercity_dsl.base import (
     is_empty,
     is_none,
 )
+from advercity_dsl.can_bus import CanBus
 from advercity_dsl.inertial import Imu
 from advercity_dsl.lens import MAX_RENDERED_PX, CameraLens, find_edge_angle
 from advercity_dsl.lidar import Lidar
@@ -236,6 +237,8 @@ class SensorSet(Model):
     """Satellite positioning."""
     imu: Imu | None = None
     """Accelerometer and gyroscope; `null` is none."""
+    can: CanBus | None = Field(default=None, exclude_if=is_none)
+    """Signals of the vehicle's own bus; `null` is none."""
 
     @property
     def cameras(self) -> tuple[MountedCamera, ...]:
@@ -274,4 +277,7 @@ class Rig(Declaration):
         if self.vehicle is None and self.roadside_unit is None:
             hint = "give sensors of a `vehicle`, of a `roadside_unit`, or of both"
             raise InvalidCombination((), "has no sensors", hint)
+        if self.roadside_unit is not None and self.roadside_unit.can is not None:
+            where = ("roadside_unit", "can")
+            raise InvalidCombination(where, "a roadside unit has no wheels", "leave `can` out")
         return self

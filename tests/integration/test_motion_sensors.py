@@ -29,6 +29,7 @@ vehicle:
     rate_hz: 5
     receiver: {corrections: rtk, heading_baseline_m: 1, antenna_m: [0.5, 0, 1.8]}
   imu: {grade: consumer, rate_hz: 50, offset_ms: 3, vibration: {}}
+  can: {rate_hz: 20}
 roadside_unit:
   camera: {width_px: 64, height_px: 32, mounts: [{}]}
   lidar: {channels: 2, azimuths: 32}
@@ -92,6 +93,31 @@ def test_samples_have_their_own_times(dataset: Path) -> None:
     np.testing.assert_allclose(times, [-0.097, -0.077, -0.057, -0.037, -0.017], atol=1e-9)
     path = scenario.frame(2)["cav1"].path("_additional_gnss_imu.yaml")
     assert yaml.safe_load(path.read_text())["imu"]["time_offset"] == -0.017
+
+
+def test_the_bus_says_what_the_vehicle_does(dataset: Path) -> None:
+    view = Scenario(dataset).frame(3)["cav1"]
+    signals = view.can
+    assert signals is not None
+    assert len(signals.earlier) == 1
+    assert signals.speed_m_s == pytest.approx(view.speed_m_s, rel=0.03)
+    assert signals.wheel_speeds_m_s.shape == (4,)
+    assert Scenario(dataset).frame(3)["rsu1"].can is None
+
+
+def test_all_samples_of_a_scenario_are_one_series(dataset: Path) -> None:
+    scenario = Scenario(dataset)
+    stamps = scenario.load_stamps("cav1")
+    first_s = scenario.frame(0).time_s
+    assert set(stamps) == {"camera0", "lidar0", "gnss", "imu", "can"}
+    np.testing.assert_allclose(stamps["lidar0"], first_s + np.arange(FRAMES) * 0.1)
+    np.testing.assert_allclose(stamps["gnss"], first_s + np.array([0, 0.2]), atol=1e-9)
+    np.testing.assert_allclose(np.diff(stamps["imu"]), 0.02, atol=1e-9)
+    np.testing.assert_allclose(np.diff(stamps["can"]), 0.05, atol=1e-9)
+    series = scenario.load_samples("cav1", "can")
+    halfway = series.interpolate(first_s + 0.125)["speed_m_s"][0]
+    around = series.nearest([first_s + 0.1, first_s + 0.15])["speed_m_s"]
+    assert halfway == pytest.approx(around.mean())
 
 
 def test_such_a_dataset_verifies_and_replays(dataset: Path, tmp_path: Path) -> None:
