@@ -29,6 +29,7 @@ class Lamp(IntFlag):
     FOG = 4
     LEFT = 8
     RIGHT = 16
+    HIGH_BEAM = 32
 
 
 class Signal(IntEnum):

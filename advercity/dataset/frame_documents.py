@@ -312,7 +312,8 @@ def build_object_extras(
 
     `lidar_points` counts the points returned in this weather, `lidar_ghosts` those of its mirror
     images, `lidar_hits` the beams that would hit in none. `roles` are the object's roles in staged
-    conflicts, by conflict id. `cameras` has the cameras whose image the object's outline overlaps.
+    conflicts, by conflict id. `lamps` are the names of `Lamp` that are lit. `cameras` has the
+    cameras whose image the object's outline overlaps.
     """
     return {
         "frame": sensor_frame.frame.index,
@@ -332,6 +333,7 @@ def _describe_object_extras(item: Annotation, sensor_frame: SensorFrame) -> dict
         "roles": dict(sensor_frame.conflict_roles.get(state.actor.id, {})),
         "velocity_m_s": to_plain(velocity, decimals=6),
         "acceleration_m_s2": to_plain(state.acceleration_m_s2, decimals=6),
+        "lamps": [str(lamp.name).lower() for lamp in state.lamps],
         "lidar_hits": item.lidar_hits,
         "lidar_points": item.lidar_points,
         "lidar_ghosts": item.lidar_ghosts,

@@ -183,7 +183,7 @@ class TruthBuilder:
             return lights.GENERIC_LIGHT_STATE_ON if on else lights.GENERIC_LIGHT_STATE_OFF
 
         shown.head_light, shown.front_fog_light = switch(Lamp.LOW_BEAM), switch(Lamp.FOG)
-        shown.rear_fog_light = switch(Lamp.FOG)
+        shown.rear_fog_light, shown.high_beam = switch(Lamp.FOG), switch(Lamp.HIGH_BEAM)
         brakes = bool(state.lamps & Lamp.BRAKE)
         shown.brake_light_state = (
             lights.BRAKE_LIGHT_STATE_NORMAL if brakes else lights.BRAKE_LIGHT_STATE_OFF

@@ -1,8 +1,8 @@
 """Lamps and the angular distribution of their light.
 
-`LOW_BEAM`, `FRONT_FOG_BEAM` and `LENS` are the only descriptions of these distributions: NumPy
-evaluates them here, and renderers are to take their shaders' constants from the same fields.
-Intensities are relative to the peak of a lamp.
+`LOW_BEAM`, `HIGH_BEAM`, `FRONT_FOG_BEAM` and `LENS` are the only descriptions of these
+distributions: NumPy evaluates them here, and renderers are to take their shaders' constants from
+the same fields. Intensities are relative to the peak of a lamp.
 """
 
 import math
@@ -23,6 +23,7 @@ class LampPattern(IntEnum):
     LOW_BEAM = 1
     LENS = 2
     FOG_BEAM = 3
+    HIGH_BEAM = 4
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,11 @@ class LampBeam:
         peak = self.peak_below_cutoff_deg / self.below_width_deg
         return self.below_width_deg * math.sqrt(math.pi) / 2.0 * (1.0 + math.erf(peak))
 
+    @property
+    def even_top_deg(self) -> float:
+        """Top of that even beam above the cut-off, at most 0: its middle is near the peak."""
+        return min(0.0, self.equivalent_height_deg / 2.0 - self.peak_below_cutoff_deg)
+
     def scattered_intensity(
         self, facing: FloatArray, rays: FloatArray, spread_deg: FloatArray
     ) -> FloatArray:
@@ -107,8 +113,9 @@ class LampBeam:
         """
         h, v = _angles_off_axis_deg(facing, rays)
         above = v + self.cutoff_drop_deg - np.clip(self.kink_slope * h, 0.0, self.kink_max_deg)
-        light = _fraction_beyond(above / spread_deg)
-        light -= _fraction_beyond((above + self.equivalent_height_deg) / spread_deg)
+        even = above - self.even_top_deg
+        light = _fraction_beyond(even / spread_deg)
+        light -= _fraction_beyond((even + self.equivalent_height_deg) / spread_deg)
         stray = np.exp(-((np.maximum(v, 0.0) / self.above_width_deg) ** 2))
         light += self.stray_fraction * stray * _fraction_beyond(-above / spread_deg)
         sideways = (h - self.peak_right_deg) / self.horizontal_sigma_deg
@@ -144,7 +151,27 @@ FRONT_FOG_BEAM = LampBeam(
     horizontal_sigma_deg=20.0,
 )
 """Front fog lamp: wide, with a level cut-off at its axis (UN R149, class F3)."""
-BEAMS = {LampPattern.LOW_BEAM: LOW_BEAM, LampPattern.FOG_BEAM: FRONT_FOG_BEAM}
+HIGH_BEAM = LampBeam(
+    cutoff_drop_deg=-12.0,
+    kink_slope=0.0,
+    kink_max_deg=0.0,
+    cutoff_softness_deg=0.5,
+    stray_fraction=0.0,
+    peak_below_cutoff_deg=12.0,
+    below_width_deg=3.5,
+    above_width_deg=500.0,
+    peak_right_deg=0.0,
+    horizontal_sigma_deg=5.0,
+)
+"""High beam, within the limits of UN R112, class B, at a peak of 50 kcd.
+
+Its cut-off is where it is dark anyway.
+"""
+BEAMS = {
+    LampPattern.LOW_BEAM: LOW_BEAM,
+    LampPattern.FOG_BEAM: FRONT_FOG_BEAM,
+    LampPattern.HIGH_BEAM: HIGH_BEAM,
+}
 
 
 @dataclass(frozen=True)

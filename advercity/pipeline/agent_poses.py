@@ -34,7 +34,12 @@ from advercity.sensors.radar import PlacedRadar
 from advercity.sensors.sample_times import list_sample_times
 from advercity.sensors.sensor_frame import CameraImage, LidarScan, RadarScan, SensorFrame
 from advercity.traffic.figures import assign_figures, number_figures
-from advercity.traffic.weather_effects import apply_lamp_state, raise_umbrellas
+from advercity.traffic.weather_effects import (
+    apply_lamp_state,
+    light_high_beams,
+    may_use_high_beams,
+    raise_umbrellas,
+)
 
 
 class AgentPoses:
@@ -72,6 +77,8 @@ class AgentPoses:
         people = assign_figures(self._traced(index), self._figures)
         shown = raise_umbrellas(people, weather.rain.rate_mm_h, seed=seed)
         lit = apply_lamp_state(shown, weather.lamps)
+        if may_use_high_beams(weather, self.spec.road.land_use):
+            lit = light_high_beams(lit, weather.lamps.high_beam, seed=seed)
         return replace(lit, states=(*lit.states, *self._parked))
 
     def build_sensor_frame(

@@ -28,6 +28,14 @@ LOW_BEAM_CD: dict[ActorClass, float] = {
     "bicycle": 1e3,
 }
 """Peak intensity of a vehicle's low beams together (UN R112 class B, R113)."""
+HIGH_BEAM_CD: dict[ActorClass, float] = {
+    "car": 100e3,
+    "van": 100e3,
+    "truck": 100e3,
+    "motorcycle": 50e3,
+}
+"""Peak intensity of a vehicle's high beams together, which are lit beside the low beams (UN R112
+class B: 40.5 to 215 kcd each)."""
 BRAKE_CD, TAIL_CD = 300.0, 16.0
 SIGNAL_CD: dict[GovernedTraffic, float] = {"vehicles": 400.0, "pedestrians": 48.0}
 """Intensity of a signal; a pedestrian's has the same luminance, on the area of a figure."""
@@ -98,14 +106,15 @@ def _iterate_vehicle_lights(state: ActorState, unobstructed_m: float) -> Iterato
     half_length_m = length / 2.0 + LAMP_BODY_CLEARANCE_M
     rear = transform_points(pose, [-half_length_m, 0.0, LAMP_HEIGHT_M])
     sides = (0.0,) if state.actor.actor_class in TWO_WHEELER_CLASSES else (1.0, -1.0)
-    beam_cd = LOW_BEAM_CD.get(state.actor.actor_class, 0.0) / len(sides)
-    if Lamp.LOW_BEAM in state.lamps and beam_cd > 0.0:
-        for left in sides:
+    for lamp, pattern, by_class in (
+        (Lamp.LOW_BEAM, LampPattern.LOW_BEAM, LOW_BEAM_CD),
+        (Lamp.HIGH_BEAM, LampPattern.HIGH_BEAM, HIGH_BEAM_CD),
+    ):
+        beam_cd = by_class.get(state.actor.actor_class, 0.0) / len(sides)
+        for left in sides if lamp in state.lamps and beam_cd > 0.0 else ():
             y = left * LOW_BEAM_OFFSET_FRACTION * state.actor.size[1]
             front = tuple(transform_points(pose, [half_length_m, y, LAMP_HEIGHT_M]))
-            yield LightSource(
-                LampPattern.LOW_BEAM, front, tuple(ahead), beam_cd, HALOGEN_COLOUR, unobstructed_m
-            )
+            yield LightSource(pattern, front, tuple(ahead), beam_cd, HALOGEN_COLOUR, unobstructed_m)
     if Lamp.FOG in state.lamps:
         low = tuple(transform_points(pose, [half_length_m, 0.0, FOG_LAMP_HEIGHT_M]))
         down = np.cos(FOG_LAMP_TILT_RAD) * ahead - np.sin(FOG_LAMP_TILT_RAD) * pose[:3, 2]

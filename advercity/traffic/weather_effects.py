@@ -5,11 +5,15 @@ The trace holds what drivers do, so that all weathers share it; these functions 
 
 import math
 from dataclasses import replace
+from typing import Literal
 
+import numpy as np
+from advercity_dsl import Weather
 from advercity_dsl.weather_components import Lamps
 
 from advercity.frames import ActorState, Frame, Lamp
 from advercity.physics.constants import GOLDEN_FRACTION
+from advercity.physics.extinction import compute_extinction
 from advercity.randomness import create_generator
 
 INDICATOR_FREQUENCY_HZ = 1.5
@@ -43,6 +47,65 @@ def _apply_lamps(state: ActorState, lamps: Lamps, time_s: float) -> ActorState:
     return replace(state, lamps=lit)
 
 
+MIN_HIGH_BEAM_VISIBILITY_M = 1000.0
+"""Less is fog by definition of the WMO, in which high beams dazzle their own drivers."""
+MAX_UNLIT_LX = 2.0
+"""Street lighting above this is of a class of EN 13201, P6 at least."""
+MIN_HIGH_BEAM_SPEED_M_S = 30.0 / 3.6
+"""Speed below which vehicles wait or turn, and dip; an engineering value."""
+DIP_FOR_ONCOMING_M, DIP_BEHIND_M = 152.4, 91.4
+"""500 and 300 feet, within which the California Vehicle Code (24409) has drivers dip."""
+BEAM_HALF_ANGLE_RAD = math.radians(30.0)
+"""Angle off the heading up to which others are dazzled; an engineering value."""
+
+
+def may_use_high_beams(weather: Weather, land_use: Literal["urban", "rural"]) -> bool:
+    """Whether drivers may use high beams when nobody is ahead: an unlit road on a clear night."""
+    return (
+        weather.time == "night"
+        and weather.lamps.low_beam
+        and getattr(weather.night.street_lx, land_use) < MAX_UNLIT_LX
+        and compute_extinction(weather).mor_m >= MIN_HIGH_BEAM_VISIBILITY_M
+    )
+
+
+def light_high_beams(frame: Frame, fraction: float, *, seed: int) -> Frame:
+    """Light the high beams of moving vehicles that dazzle nobody ahead.
+
+    The rule is that of `DIP_FOR_ONCOMING_M` and `DIP_BEHIND_M`, for all vehicles and bicycles
+    ahead; crossing ones count as oncoming. The same drivers use them in every frame.
+
+    Args:
+        frame: With low beams.
+        fraction: Fraction of drivers who use high beams.
+        seed: Seed of the traffic.
+    """
+    road_users = [state for state in frame.states if state.actor.actor_class != "pedestrian"]
+    if not road_users:
+        return frame
+    poses = np.stack([state.world_from_body for state in road_users])
+    position, heading = poses[:, :2, 3], poses[:, :2, 0]
+
+    def lit(state: ActorState) -> Lamp:
+        if (
+            state.actor.actor_class in ("pedestrian", "bicycle")
+            or Lamp.LOW_BEAM not in state.lamps
+            or state.speed_m_s < MIN_HIGH_BEAM_SPEED_M_S
+            or _draw_threshold(seed, "high_beam", state.actor.id) >= fraction
+        ):
+            return state.lamps
+        ahead = state.world_from_body[:2, 0]
+        away = position - state.world_from_body[:2, 3]
+        distance_m = np.hypot(*away.T)
+        is_ahead = away @ ahead > math.cos(BEAM_HALF_ANGLE_RAD) * distance_m
+        dip_m = np.where(heading @ ahead > math.cos(math.pi / 4), DIP_BEHIND_M, DIP_FOR_ONCOMING_M)
+        dazzled = is_ahead & (distance_m > 0.0) & (distance_m < dip_m)
+        return state.lamps if dazzled.any() else state.lamps | Lamp.HIGH_BEAM
+
+    states = tuple(replace(state, lamps=lit(state)) for state in frame.states)
+    return replace(frame, states=states)
+
+
 HALF_UMBRELLAS_MM_H = 1.5
 """Rain rate at which half of the people with an umbrella hold it up; a plausible figure."""
 
@@ -61,7 +124,7 @@ def raise_umbrellas(frame: Frame, rain_mm_h: float, *, seed: int) -> Frame:
     if fraction <= 0.0:
         return frame
     states = tuple(
-        replace(state, umbrella=_draw_threshold(seed, state.actor.id) < fraction)
+        replace(state, umbrella=_draw_threshold(seed, "umbrella", state.actor.id) < fraction)
         if state.actor.actor_class == "pedestrian"
         else state
         for state in frame.states
@@ -69,6 +132,6 @@ def raise_umbrellas(frame: Frame, rain_mm_h: float, *, seed: int) -> Frame:
     return replace(frame, states=states)
 
 
-def _draw_threshold(seed: int, actor_id: int) -> float:
-    """Draw the fraction of raised umbrellas from which on a person's is one of them."""
-    return float(create_generator(seed, "umbrella", actor_id).random())
+def _draw_threshold(seed: int, what: str, actor_id: int) -> float:
+    """Draw the fraction of umbrellas raised, or beams used, from which on an actor's is one."""
+    return float(create_generator(seed, what, actor_id).random())

@@ -335,6 +335,9 @@ class Night(Model):
     """Mean illuminance of the road by street lamps."""
 
 
+HIGH_BEAM_USERS = 0.48
+
+
 class Lamps(Model):
     """Vehicle lamps that are on in this weather; brake lamps follow the brakes."""
 
@@ -342,3 +345,7 @@ class Lamps(Model):
     """Headlamps."""
     fog: Flag = False
     """Fog lamps, front and rear."""
+    high_beam: Fraction = Field(default=HIGH_BEAM_USERS, exclude_if=lambda v: v == HIGH_BEAM_USERS)
+    """Fraction of drivers who use high beams where they may: by night, on roads without street
+    lamps, in a visibility of 1 km, and with nobody ahead whom they dazzle. Drivers used them for
+    48 % of the time that they could (Borzendowski, Stafford Sewall and Tyrrell 2015)."""

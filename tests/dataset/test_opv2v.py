@@ -179,6 +179,7 @@ def test_object_fields_have_the_units_of_the_format(scenario: Path) -> None:
     assert (van["lidar_hits"], van["lidar_points"], van["parked"]) == (40, 35, False)
     extras = json.loads((scenario / "+101" / "000060_objects.json").read_text())["objects"]["201"]
     assert (extras["lidar_points"], extras["lidar_ghosts"]) == (35, 5)
+    assert extras["lamps"] == ["low_beam"]
     shown = [camera["visible_fraction"] for camera in extras["cameras"].values()]
     assert van["visible_fraction"] == max(shown) > 0.5
     assert all(0 <= int(part) <= 255 for part in van["color"].split(", "))

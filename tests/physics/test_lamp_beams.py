@@ -8,6 +8,7 @@ import pytest
 from advercity.geometry.arrays import Float64Array
 from advercity.physics.lamp_beams import (
     FRONT_FOG_BEAM,
+    HIGH_BEAM,
     LENS,
     LOW_BEAM,
     LampBeam,
@@ -80,8 +81,8 @@ def test_the_cutoff_is_as_soft_as_the_lamp_is_sharp(
 
 def test_an_even_beam_has_the_light_of_the_peaked_one() -> None:
     """The integral of exp(-((x + 1.8) / 2.8)²) from the cut-off downwards, by a sum."""
-    below_deg = (np.arange(200_000) + 0.5) * 1e-4
-    for beam in (LOW_BEAM, FRONT_FOG_BEAM):
+    below_deg = (np.arange(300_000) + 0.5) * 1e-4
+    for beam in (LOW_BEAM, FRONT_FOG_BEAM, HIGH_BEAM):
         off = (beam.peak_below_cutoff_deg - below_deg) / beam.below_width_deg
         assert beam.equivalent_height_deg == pytest.approx(1e-4 * np.exp(-(off**2)).sum(), rel=1e-4)
 
@@ -101,6 +102,13 @@ def test_droplets_dissolve_a_cutoff_and_keep_the_light() -> None:
     for spread_deg in (0.2, 2.0):
         light = LOW_BEAM.scattered_intensity(AHEAD, rays, np.full(len(rays), spread_deg))
         assert 0.02 * light.sum() == pytest.approx(LOW_BEAM.equivalent_height_deg, rel=0.12)
+
+
+def test_droplets_spread_a_high_beam_about_its_axis() -> None:
+    spread = np.array([1.0])
+    found = [HIGH_BEAM.scattered_intensity(AHEAD, ray(0.0, up), spread)[0] for up in (-4, 0, 4)]
+    assert found[1] > 0.7
+    assert found[0] == pytest.approx(found[2], rel=0.01)
 
 
 def test_a_lens_is_half_as_bright_at_10_degrees_and_dark_at_90() -> None:
@@ -126,6 +134,8 @@ def test_every_pattern_shines_with_its_candelas_the_way_it_faces() -> None:
             LampPattern.LOW_BEAM: 1000 * LOW_BEAM.relative_intensity(AHEAD, down)[0],
             LampPattern.LENS: 1000 * LENS.relative_intensity(np.array(math.cos(0.1))),
             LampPattern.FOG_BEAM: 1000 * FRONT_FOG_BEAM.relative_intensity(AHEAD, down)[0],
+            # 0.1 rad below the axis.
+            LampPattern.HIGH_BEAM: 1000 * math.exp(-((math.degrees(0.1) / 3.5) ** 2)),
         }
     )
-    assert [pattern.value for pattern in LampPattern] == [0, 1, 2, 3]  # shaders know them
+    assert [pattern.value for pattern in LampPattern] == [0, 1, 2, 3, 4]  # shaders know them

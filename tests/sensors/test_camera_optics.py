@@ -12,9 +12,16 @@ from advercity.compiler import find_weather
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.physics.lamp_beams import LOW_BEAM, LampPattern, LightSource
+from advercity.physics.lamp_beams import (
+    HIGH_BEAM,
+    LOW_BEAM,
+    LampBeam,
+    LampPattern,
+    LightSource,
+)
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture, CameraView
+from advercity.rendering.light_sources import HIGH_BEAM_CD
 from advercity.sensors.camera import CameraExposure
 from advercity.sensors.camera.electronics import find_white_point
 from advercity.sensors.camera.optics import (
@@ -92,6 +99,7 @@ def test_a_sunlit_road_is_grey_with_a_little_warmth_at_most() -> None:
 # UN R112, class B, right-hand traffic: degrees to the right and up, least and most candela.
 R112_POINTS = {
     "B50L": (-3.43, 0.57, 0, 350),
+    "BR": (2.5, 1.0, 0, 1750),
     "75R": (1.15, -0.57, 10_100, None),
     "75L": (-3.43, -0.57, 0, 10_600),
     "50L": (-3.43, -0.86, 0, 13_200),
@@ -115,6 +123,31 @@ def test_a_low_beam_is_within_the_limits_of_its_regulation(name: str) -> None:
     assert least <= candela <= (most or 44_100)
 
 
+def test_a_low_beam_does_not_light_the_road_before_it_more_than_twice_as_much_as_ahead() -> None:
+    """Zone I of UN R112: at most twice the intensity at 50R."""
+    near = [low_beam_fraction(h_deg, v_deg) for h_deg in (-9, 0, 9) for v_deg in (-1.72, -3, -6)]
+    assert max(near) <= 2.0 * low_beam_fraction(1.72, -0.86)
+
+
+@pytest.mark.parametrize(
+    ("right_deg", "least_cd"), [(0, 40_500), (-2.5, 20_300), (2.5, 20_300), (-5, 5_100), (5, 5_100)]
+)
+def test_a_high_beam_is_within_the_limits_of_its_regulation(
+    right_deg: float, least_cd: float
+) -> None:
+    """UN R112, driving beam of class B; at most 215 kcd, and 80 % of that straight ahead."""
+    peak_cd = HIGH_BEAM_CD["car"] / 2.0
+    candela = peak_cd * beam_fraction(HIGH_BEAM, right_deg, 0.0)
+    assert least_cd <= candela <= 215_000
+    assert beam_fraction(HIGH_BEAM, 0.0, 0.0) >= 0.8
+
+
+def test_a_high_beam_shines_as_far_up_as_down() -> None:
+    for up_deg in (1.0, 3.0, 6.0):
+        up, down = (beam_fraction(HIGH_BEAM, 0.0, side * up_deg) for side in (1, -1))
+        assert up == pytest.approx(down, rel=0.01)
+
+
 def test_a_low_beam_lights_signs_as_its_regulation_demands() -> None:
     """Points 1 to 3, 4 degrees up, and 4 to 6, 2 degrees up, together."""
     upper, lower = (
@@ -126,9 +159,13 @@ def test_a_low_beam_lights_signs_as_its_regulation_demands() -> None:
 
 
 def low_beam_fraction(h_deg: float, v_deg: float) -> float:
+    return beam_fraction(LOW_BEAM, h_deg, v_deg)
+
+
+def beam_fraction(beam: LampBeam, h_deg: float, v_deg: float) -> float:
     h, v = math.radians(h_deg), math.radians(v_deg)
     ray = np.array([[math.cos(v) * math.cos(h), -math.cos(v) * math.sin(h), math.sin(v)]])
-    return float(LOW_BEAM.relative_intensity(np.array([1.0, 0.0, 0.0]), ray)[0])
+    return float(beam.relative_intensity(np.array([1.0, 0.0, 0.0]), ray)[0])
 
 
 def test_the_sun_throws_ghosts_to_the_other_side_of_the_picture() -> None:

@@ -1,14 +1,21 @@
 """Lamps and umbrellas as the weather changes them."""
 
 from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 import pytest
+from advercity_dsl import ActorClass, Weather
 from advercity_dsl.weather_components import Lamps
 
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
-from advercity.traffic.weather_effects import apply_lamp_state, raise_umbrellas
+from advercity.traffic.weather_effects import (
+    apply_lamp_state,
+    light_high_beams,
+    may_use_high_beams,
+    raise_umbrellas,
+)
 
 CAR = Actor(101, "car", "lincoln_mkz_2017", "car_paint_blue", (4.9, 2.1, 1.5))
 
@@ -98,3 +105,85 @@ def test_weather_lights_beams_and_leaves_brakes_to_the_driver():
     assert apply_lamp_state(frame(Lamp(0), actor=walker), foggy).get_state(5001).lamps == Lamp(0)
     dark = apply_lamp_state(frame(Lamp.BRAKE), Lamps(low_beam=False))
     assert dark.get_state(101).lamps == Lamp.BRAKE
+
+
+def meeting(
+    at_m: tuple[float, float], heading_deg: float, *, speed_m_s: float = 20.0, actor: Actor = CAR
+) -> Frame:
+    """A car that drives east at the origin, and another road user."""
+    at, yaw = (*at_m, 0.0), np.radians(heading_deg)
+    other = ActorState(replace(actor, id=7), poses.pose_matrix(at, yaw=yaw), 15.0, 0.0, Lamp(0))
+    car = ActorState(CAR, poses.pose_matrix((0.0, 0.0, 0.0)), speed_m_s, 0.0, Lamp.LOW_BEAM)
+    return Frame(0, 0.0, (car, other), {})
+
+
+def dazzles(frame: Frame) -> bool:
+    return Lamp.HIGH_BEAM in light_high_beams(frame, 1.0, seed=1).get_state(101).lamps
+
+
+@pytest.mark.parametrize(
+    ("at_m", "heading_deg", "expected"),
+    [
+        # 500 feet are 152.4 m, 300 feet 91.4 m.
+        ((150.0, 3.5), 180.0, False),
+        ((155.0, 3.5), 180.0, True),
+        ((90.0, 0.0), 0.0, False),
+        ((93.0, 0.0), 0.0, True),
+        # Crossing from the right, as far as oncoming traffic; past the car; and behind it.
+        ((120.0, -20.0), 90.0, False),
+        ((50.0, 60.0), 90.0, True),
+        ((-20.0, 0.0), 0.0, True),
+    ],
+)
+def test_high_beams_are_dipped_for_traffic_ahead(
+    at_m: tuple[float, float], heading_deg: float, expected: bool
+) -> None:
+    assert dazzles(meeting(at_m, heading_deg)) == expected
+
+
+def test_high_beams_are_dipped_for_bicycles_but_not_for_pedestrians():
+    def ahead(actor_class: ActorClass) -> Frame:
+        return meeting((60.0, 0.0), 0.0, actor=replace(CAR, actor_class=actor_class))
+
+    assert not dazzles(ahead("bicycle"))
+    assert dazzles(ahead("pedestrian"))
+
+
+def test_a_vehicle_that_crawls_keeps_its_low_beams():
+    assert not dazzles(meeting((400.0, 0.0), 180.0, speed_m_s=8.0))
+    assert dazzles(meeting((400.0, 0.0), 180.0, speed_m_s=9.0))
+
+
+def test_as_many_drivers_use_high_beams_as_declared():
+    states = tuple(
+        ActorState(
+            replace(CAR, id=number),
+            poses.pose_matrix((0.0, 1e3 * number, 0.0)),
+            20.0,
+            0.0,
+            Lamp.LOW_BEAM,
+        )
+        for number in range(1, 1001)
+    )
+    found = light_high_beams(Frame(0, 0.0, states, {}), 0.48, seed=3).states
+    assert sum(Lamp.HIGH_BEAM in state.lamps for state in found) == pytest.approx(480, abs=50)
+
+
+@pytest.mark.parametrize(
+    ("values", "land_use", "expected"),
+    [
+        ({"time": "night"}, "rural", True),
+        ({"time": "night"}, "urban", False),
+        ({"time": "day"}, "rural", False),
+        ({"time": "night", "fog": {"mor_m": "900 m"}}, "rural", False),
+        ({"time": "night", "fog": {"mor_m": "1500 m"}}, "rural", True),
+        ({"time": "night", "night": {"street_lx": {"urban": 12, "rural": 5}}}, "rural", False),
+        ({"time": "night", "lamps": {"low_beam": False}}, "rural", False),
+    ],
+)
+def test_high_beams_are_for_clear_nights_on_unlit_roads(
+    values: dict[str, Any], land_use: Literal["urban", "rural"], expected: bool
+) -> None:
+    sun = {"elevation_deg": 30 if values["time"] == "day" else -30}
+    weather = Weather.model_validate({"id": "tried", "sun": sun, **values})
+    assert may_use_high_beams(weather, land_use) == expected

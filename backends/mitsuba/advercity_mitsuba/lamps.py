@@ -17,9 +17,9 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.lamp_beams import (
     BEAMS,
     FRONT_FOG_BEAM,
+    HIGH_BEAM,
     LENS,
     LOW_BEAM,
-    LampBeam,
     LampPattern,
     LightSource,
 )
@@ -183,15 +183,18 @@ def fetch_lamp(tables: LampTables, row: Any, active: Any = True) -> Lamp:
 
 
 def is_beam(lamp: Lamp) -> Any:
-    """Whether a lamp is a headlamp with a cut-off."""
-    return (lamp.pattern == int(LampPattern.LOW_BEAM)) | (lamp.pattern == int(LampPattern.FOG_BEAM))
+    """Whether a lamp is a headlamp."""
+    return (
+        (lamp.pattern == int(LampPattern.LOW_BEAM))
+        | (lamp.pattern == int(LampPattern.FOG_BEAM))
+        | (lamp.pattern == int(LampPattern.HIGH_BEAM))
+    )
 
 
 def compute_intensity_fraction(light: Light, lamp: Lamp, ray: Any, distance: Any) -> Any:
     """Compute the intensity along rays relative to the peak; `LampBeam` has the formulas."""
     depth = (1.0 - LOBES.wide_fraction) * light.extinction * distance
-    low, fog = LOW_BEAM, FRONT_FOG_BEAM
-    beam = _compute_beam_fraction(low, fog, lamp, ray, depth)
+    beam = _compute_beam_fraction(lamp, ray, depth)
     cosine = dr.maximum(dr.dot(lamp.facing, ray), 0.0)
     base = 1.0 + (1.0 - cosine) / LENS.falloff
     lens = (base**-1.25 - LENS.at_right_angle) / (1.0 - LENS.at_right_angle)
@@ -199,11 +202,13 @@ def compute_intensity_fraction(light: Light, lamp: Lamp, ray: Any, distance: Any
     return dr.select(is_beam(lamp), beam, dr.maximum(other, 0.0))
 
 
-def _compute_beam_fraction(low: LampBeam, fog: LampBeam, lamp: Lamp, ray: Any, depth: Any) -> Any:
+def _compute_beam_fraction(lamp: Lamp, ray: Any, depth: Any) -> Any:
     is_fog = lamp.pattern == int(LampPattern.FOG_BEAM)
+    is_high = lamp.pattern == int(LampPattern.HIGH_BEAM)
 
     def pick(name: str) -> Any:
-        return dr.select(is_fog, mi.Float(getattr(fog, name)), getattr(low, name))
+        low, fog, high = (getattr(beam, name) for beam in (LOW_BEAM, FRONT_FOG_BEAM, HIGH_BEAM))
+        return dr.select(is_high, mi.Float(high), dr.select(is_fog, mi.Float(fog), low))
 
     forward = dr.dot(ray, lamp.facing)
     level = dr.rsqrt(dr.maximum(lamp.facing.x**2 + lamp.facing.y**2, 1e-6))
@@ -222,8 +227,9 @@ def _compute_beam_fraction(low: LampBeam, fog: LampBeam, lamp: Lamp, ray: Any, d
     sharp = (stray + (1.0 - stray) / (1.0 + dark)) * below * above
     # Droplets deflect a part of the light a little, which dissolves the cut-off.
     spread = dr.rad2deg(_compute_forward_spread(dr.maximum(depth, 1e-3)))
-    beyond = _fraction_beyond(x / spread)
-    soft = beyond - _fraction_beyond((x + pick("equivalent_height_deg")) / spread)
+    even = x - pick("even_top_deg")
+    beyond = _fraction_beyond(even / spread)
+    soft = beyond - _fraction_beyond((even + pick("equivalent_height_deg")) / spread)
     soft += stray * above * (1.0 - beyond)
     light = dr.lerp(soft, sharp, dr.exp(-depth))
     return dr.select(forward > 0.0, light * sideways, 0.0)

@@ -17,7 +17,14 @@ from advercity.frames import Lamp, Signal
 from advercity.geometry.arrays import Float64Array
 from advercity.materials import TRANSMITTED_BY_LEAVES, Texture
 from advercity.physics import water
-from advercity.physics.lamp_beams import FRONT_FOG_BEAM, LENS, LOW_BEAM, LampBeam, LampPattern
+from advercity.physics.lamp_beams import (
+    FRONT_FOG_BEAM,
+    HIGH_BEAM,
+    LENS,
+    LOW_BEAM,
+    LampBeam,
+    LampPattern,
+)
 from advercity.physics.scattering import DropletPhaseLobes
 from advercity.rendering.ground_maps import NEUTRAL_WEAR, WEAR_STEPS
 from advercity.rendering.lamp_lenses import LENS_KCD_M2, TAIL_LAMP_KCD_M2, LensKind
@@ -43,7 +50,7 @@ from advercity_sapien.shader_table import (
 SHADER_FOLDER = Path(__file__).parent / "shaders"
 NEAR_M, FAR_M = 0.1, 3000.0
 """Depths between which cameras see."""
-FIRST_SIGNAL_BIT = 32
+FIRST_SIGNAL_BIT = 64
 """Bit of a red signal among a body's lit lamps, then yellow and green; `Lamp` has those below."""
 BEAM_FIELDS: dict[str, Callable[[LampBeam], float]] = {
     "cutoffDrop": lambda beam: beam.cutoff_drop_deg,
@@ -53,6 +60,7 @@ BEAM_FIELDS: dict[str, Callable[[LampBeam], float]] = {
     "stray": lambda beam: beam.stray_fraction,
     "peakBelowCutoff": lambda beam: beam.peak_below_cutoff_deg,
     "equivalentHeight": lambda beam: beam.equivalent_height_deg,
+    "evenTop": lambda beam: beam.even_top_deg,
     "peakRight": lambda beam: beam.peak_right_deg,
     # Divisors of squared angles, so that the shader does not square constants for every sample.
     "belowSquared": lambda beam: beam.below_width_deg**2,
@@ -133,6 +141,7 @@ def _format_constants() -> Iterator[str]:
     yield from ("", "struct LampBeam {", *(f"  float {name};" for name in BEAM_FIELDS), "};")
     yield _format_beam("LOW_BEAM", LOW_BEAM)
     yield _format_beam("FRONT_FOG_BEAM", FRONT_FOG_BEAM)
+    yield _format_beam("HIGH_BEAM", HIGH_BEAM)
 
 
 def _format_beam(name: str, beam: LampBeam) -> str:

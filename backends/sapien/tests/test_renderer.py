@@ -600,7 +600,7 @@ def test_the_road_right_before_a_vehicle_is_lit_at_any_position(opened: Open) ->
         np.testing.assert_allclose(other, seen[0], rtol=0.05, atol=0.01 * seen[0].max())
 
 
-@pytest.mark.parametrize("lamps", [Lamp.LOW_BEAM, Lamp.FOG])
+@pytest.mark.parametrize("lamps", [Lamp.LOW_BEAM, Lamp.FOG, Lamp.HIGH_BEAM])
 def test_beams_have_the_pattern_that_sensors_know(opened: Open, lamps: Lamp) -> None:
     """On a wall 10 m ahead, at the height of the lamps and below."""
     wall = world_of(build_box((11.5, 0.0, 0.0), (1.0, 30.0, 4.0), "white"))

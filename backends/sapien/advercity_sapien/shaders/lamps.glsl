@@ -17,7 +17,9 @@ struct Lamp {
 // Squared size, m²: nearer than its size a lamp is not a point. A fog lamp represents two.
 float lampSizeSquared(Lamp l) { return l.kind == LAMP_FOG_BEAM ? 0.4 : 0.01; }
 
-bool isBeam(Lamp l) { return l.kind == LAMP_LOW_BEAM || l.kind == LAMP_FOG_BEAM; }
+bool isBeam(Lamp l) {
+  return l.kind == LAMP_LOW_BEAM || l.kind == LAMP_FOG_BEAM || l.kind == LAMP_HIGH_BEAM;
+}
 
 Lamp fetchLamp(int i) {
   vec4 a = texelFetch(samplerTable, ivec2(i, LAMPS_ROW), 0);
@@ -144,8 +146,8 @@ float beamIntensity(LampBeam b, vec3 facing, vec3 ray, float narrowDepth) {
   float sharp = (b.stray + (1.0 - b.stray) / (1.0 + dark)) * below * aboveAxis;
   if (narrowDepth < 0.03) return sharp * sideways;
   float spread = degrees(forwardSpread(narrowDepth));
-  float beyondCutoff = fractionBeyond(x / spread);
-  float soft = beyondCutoff - fractionBeyond((x + b.equivalentHeight) / spread)
+  float even = x - b.evenTop, beyondCutoff = fractionBeyond(even / spread);
+  float soft = beyondCutoff - fractionBeyond((even + b.equivalentHeight) / spread)
       + b.stray * aboveAxis * (1.0 - beyondCutoff);
   return mix(soft, sharp, exp(-narrowDepth)) * sideways;
 }
@@ -162,6 +164,7 @@ float intensityFraction(Lamp l, vec3 ray, float distance) {
   float depth = narrowDepth(distance);
   if (l.kind == LAMP_LOW_BEAM) return beamIntensity(LOW_BEAM, l.facing, ray, depth);
   if (l.kind == LAMP_FOG_BEAM) return beamIntensity(FRONT_FOG_BEAM, l.facing, ray, depth);
+  if (l.kind == LAMP_HIGH_BEAM) return beamIntensity(HIGH_BEAM, l.facing, ray, depth);
   float cosine = max(dot(l.facing, ray), 0.0);
   return l.kind == LAMP_LENS ? lensFraction(cosine) : cosine;
 }
