@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from advercity_dsl import Weather
+from advercity_dsl import Lidar, Weather
 
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.physics.extinction import compute_extinction
@@ -17,6 +17,8 @@ from advercity.physics.stopping import DEFAULT_GRIP, friction_coefficient
 from advercity.physics.timeline import WeatherTimeline
 from advercity.physics.weather_text import format_weather
 from advercity.sensors.lidar import derive_lidar_conditions
+from advercity.sensors.lidar.beams import BeamShape
+from advercity.sensors.lidar.received_power import Receiver
 from advercity.sensors.lidar.volume_scattering import min_detectable_diameter_mm
 
 
@@ -61,7 +63,15 @@ def test_a_lidar_detects_smaller_stones_than_drops():
     # In rain of 50 mm/h at 10 m a drop needs 8.1 mm (weather reference, 7.6); a stone reflects six
     # times as much.
     stones = hail_size_distribution(25, 40)
-    (least_mm,) = min_detectable_diameter_mm(np.array([10.0]), stones, 4.288e-3, 1.0)
+    lidar = Lidar()
+    (least_mm,) = min_detectable_diameter_mm(
+        np.array([10.0]),
+        stones,
+        4.288e-3,
+        Receiver.from_lidar(lidar),
+        BeamShape.from_lidar(lidar),
+        1.0,
+    )
 
     assert least_mm == pytest.approx(8.1 / math.sqrt(6), rel=0.01)
 
