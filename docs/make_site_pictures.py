@@ -67,7 +67,7 @@ def render_views(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8
             exposure = CameraExposure(view, camera, frame, velocity=np.zeros(3))
             rng = viewpoints.make_generator("picture", spec.agents[0], frame)
             capture = renderer.render_camera(view)
-            yield name, render_image(capture, exposure, air, rng, mount=camera.mounts[0])
+            yield name, render_image(capture, exposure, air, rng, mount=camera.mounts[0]).image
 
 
 def _list_views(viewpoints: AgentPoses, index: int) -> Iterator[tuple[str, Matrix, frozenset[int]]]:

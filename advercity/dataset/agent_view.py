@@ -40,6 +40,7 @@ from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.measurements import (
+    CameraReadout,
     CanSample,
     GnssFix,
     GnssSolution,
@@ -216,16 +217,48 @@ class AgentView:
         occlusion = self._read_camera("occlusion", camera, cv2.IMREAD_UNCHANGED)
         return OpticalFlow(from_flow_colours(colours), occlusion > 0)
 
+    def hdr(self, camera: int) -> NDArray[np.float32]:
+        """Read the light (h, w, 3) on a camera's sensor in cd/m² of red, green and blue.
+
+        It is as the sensor measured it before white balance and tone curve, so with noise, at most
+        what the sensor resolves. InputError if the rig does not ask for `hdr: true`.
+        """
+        self._check_asked("hdr", camera, "hdr: true")
+        mode = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_ANYDEPTH
+        values: Any = self._read_camera("hdr", camera, mode)
+        return self.load_readout(camera).scale_hdr(values)
+
+    def raw(self, camera: int) -> NDArray[np.uint16]:
+        """Read the values (h, w) of a camera's pixels behind filters of one colour each.
+
+        `load_readout(camera).count_electrons` makes electrons of them. InputError if the rig does
+        not ask for `raw`.
+        """
+        self._check_asked("raw", camera, "raw: {}")
+        values: Any = self._read_camera("raw", camera, cv2.IMREAD_UNCHANGED)
+        return values
+
+    def load_readout(self, camera: int) -> CameraReadout:
+        """Load what the values of a camera's linear and raw images mean in this frame."""
+        _check_number("camera", camera, self.cameras, self.agent.id)
+        with report_read_errors(self.path("_objects.json")):
+            found: dict[str, Any] = dict(self.extras["readouts"][f"camera{camera}"])
+            found["white_point"] = tuple(found["white_point"])
+            return CameraReadout(**found)
+
     def has_truth(self, kind: str, camera: int) -> bool:
         """Return whether a camera has images of truth of a kind: `instance`, `normal`, `flow`."""
         return f"_{kind}{camera}.png" in self._format.list_suffixes(self.agent)
 
     def _check_truth(self, kind: str, camera: int) -> None:
+        self._check_asked(kind, camera, f"truth: [{kind}]")
+
+    def _check_asked(self, kind: str, camera: int, declaration: str) -> None:
         _check_number("camera", camera, self.cameras, self.agent.id)
         if not self.has_truth(kind, camera):
             raise InputError(
                 f"camera{camera} of {self.agent.id} has no images of kind {kind}; ask for them with"
-                f" `truth: [{kind}]` in the camera of its rig"
+                f" `{declaration}` in the camera of its rig"
             )
 
     def depth(self, camera: int) -> NDArray[np.uint8]:

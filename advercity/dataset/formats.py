@@ -31,7 +31,7 @@ class DatasetFormat:
         cloud_suffix: End of the names of the first LiDAR's point clouds.
         read_cloud: Reads one as a table with `x`, `y`, `z` and `intensity`, left-handed.
         image_kinds: Kinds of images of every camera.
-        truth_kinds: Kinds of images by what the rig of a camera asks for.
+        more_images: Kinds of images by what the rig of a camera asks for.
         motion_suffix: End of the names of files with GNSS and IMU.
         extra_suffixes: Ends of the names of what the original does not have.
     """
@@ -43,7 +43,7 @@ class DatasetFormat:
     image_kinds: tuple[str, ...]
     motion_suffix: str
     extra_suffixes: tuple[str, ...] = ()
-    truth_kinds: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    more_images: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
 
     def format_cloud_suffix(self, lidar: int) -> str:
         """Return the end of the names of a LiDAR's clouds: `.pcd`, then `_lidar1.pcd`."""
@@ -73,8 +73,8 @@ class DatasetFormat:
         images |= {
             f"_{kind}{index}.png"
             for index, mounted in enumerate(sensors.cameras)
-            for asked in mounted.camera.truth
-            for kind in self.truth_kinds.get(asked, ())
+            for asked in mounted.camera.more_images
+            for kind in self.more_images.get(asked, ())
         }
         clouds = map(self.format_cloud_suffix, range(len(sensors.lidars)))
         radars = set(map(self.format_radar_suffix, range(len(sensors.radars))))
@@ -116,10 +116,12 @@ OPV2V = DatasetFormat(
     image_kinds=("camera", "semantic", "depth", "depth_cm"),
     motion_suffix="_additional_gnss_imu.yaml",
     extra_suffixes=("_objects.json", *(f"_bev_{kind}.png" for kind in MAP_KINDS)),
-    truth_kinds={
+    more_images={
         "instance": ("instance",),
         "normal": ("normal",),
         "flow": ("flow", "occlusion"),
+        "hdr": ("hdr",),
+        "raw": ("raw",),
     },
 )
 ADVER_CITY = DatasetFormat(

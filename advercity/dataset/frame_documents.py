@@ -11,6 +11,7 @@ in `<frame>_objects.json`, which none of them opens.
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from functools import cache, lru_cache
 from typing import Any
 
@@ -313,11 +314,18 @@ def build_object_extras(
     `lidar_points` counts the points returned in this weather, `lidar_ghosts` those of its mirror
     images, `lidar_hits` the beams that would hit in none. `roles` are the object's roles in staged
     conflicts, by conflict id. `lamps` are the names of `Lamp` that are lit. `cameras` has the
-    cameras whose image the object's outline overlaps.
+    cameras whose image the object's outline overlaps. `readouts` is what the values of linear and
+    raw images mean, by cameras that write them.
     """
+    readouts = {
+        f"camera{index}": asdict(image.readout)
+        for index, image in enumerate(sensor_frame.camera_images)
+        if image.readout is not None
+    }
     return {
         "frame": sensor_frame.frame.index,
         "time_s": to_plain(sensor_frame.frame.time_s),
+        **({"readouts": readouts} if readouts else {}),
         "objects": {
             str(item.state.actor.id): _describe_object_extras(item, sensor_frame)
             for item in annotations

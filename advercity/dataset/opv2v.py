@@ -92,6 +92,10 @@ def encode_opv2v_frame(
             if image.flow is not None:
                 jobs[f"{stem}_flow{index}.png"] = partial(_encode_shifts, image.flow)
                 jobs[f"{stem}_occlusion{index}.png"] = partial(_encode_occlusion, image.flow)
+            if image.hdr is not None:
+                jobs[f"{stem}_hdr{index}.png"] = partial(encode_deep_png, image.hdr)
+            if image.raw is not None:
+                jobs[f"{stem}_raw{index}.png"] = partial(encode_deep_png, image.raw)
     for stem, maps in zip(stems, draw_bird_views(ordered, lanes), strict=True):
         jobs |= {
             f"{stem}_bev_{kind}.png": partial(_encode_mask, mask) for kind, mask in maps.items()

@@ -106,8 +106,8 @@ def _render_view(renderer: Renderer, blueprint: Blueprint, azimuth: float) -> Ui
         fraction=CLEAN_LENS_FRACTION,
     )
     setting = meter_exposure(light, camera.exposure)
-    image = expose_image(light, camera, setting, np.random.default_rng(0))
-    return image[..., ::-1]
+    exposed = expose_image(light, camera, setting, np.random.default_rng(0))
+    return exposed.image[..., ::-1]
 
 
 def _place_camera(blueprint: Blueprint, azimuth: float) -> Matrix:

@@ -31,7 +31,7 @@ from advercity.rendering.backend import (
 from advercity.rendering.light_sources import list_light_sources
 from advercity.rendering.raycaster import Raycaster
 from advercity.sensors.annotation import build_hull_point_lookup, count_lidar_hits, project_boxes
-from advercity.sensors.camera import CameraExposure, render_image
+from advercity.sensors.camera import CameraExposure, ExposedImage, render_image
 from advercity.sensors.camera.lens_map import build_lens_map
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.gnss import SkyView
@@ -114,7 +114,7 @@ class SensorRig:
         frame = self._place_frame(index)
         pose = self._poses.world_from_cameras(agent, index)[camera]
         capture = self._render_view(agent, camera, pose)
-        return self._render_image(capture, agent, camera, pose, frame)
+        return self._render_image(capture, agent, camera, pose, frame).image
 
     def capture_camera(self, agent: Agent, camera: int, index: int) -> CameraCapture:
         """Render the light that arrives at one camera alone in recorded frame `index`."""
@@ -220,13 +220,13 @@ class SensorRig:
     ) -> Iterator[CameraImage]:
         for camera, pose in enumerate(self._poses.world_from_cameras(agent, frame.index)):
             capture, model = next(captures), build_camera_model(agent, camera, self._profile)
-            image = self._render_image(capture, agent, camera, pose, frame)
+            exposed = self._render_image(capture, agent, camera, pose, frame)
             lens_map = build_lens_map(model)
             seen = capture if lens_map is None else lens_map.select(capture)
-            truth = agent.sensors.cameras[camera].camera.truth
+            kind = agent.sensors.cameras[camera].camera
             yield CameraImage(
                 world_from_camera=pose,
-                image=image,
+                image=exposed.image,
                 semantic=seen.semantic,
                 depth_cm=quantise_depth(seen.depth),
                 projected_boxes=project_boxes(
@@ -237,13 +237,16 @@ class SensorRig:
                     self._hull_points,
                     hide=_carrier_ids(agent),
                 ),
-                instance=seen.instance if "instance" in truth else None,
-                normal=_turn_normals(seen.normal, pose) if "normal" in truth else None,
+                instance=seen.instance if "instance" in kind.truth else None,
+                normal=_turn_normals(seen.normal, pose) if "normal" in kind.truth else None,
                 flow=(
                     self._measure_flow(seen, agent, camera, frame, model)
-                    if "flow" in truth
+                    if "flow" in kind.truth
                     else None
                 ),
+                hdr=exposed.hdr,
+                raw=exposed.raw,
+                readout=exposed.readout if kind.hdr or kind.raw else None,
             )
 
     def _measure_flow(
@@ -261,7 +264,7 @@ class SensorRig:
 
     def _render_image(
         self, capture: CameraCapture, agent: Agent, camera: int, pose: Matrix, frame: Frame
-    ) -> Uint8Array:
+    ) -> ExposedImage:
         view = build_camera_view(agent, camera, pose, self._profile)
         check_capture(capture, view, self._backend_name)
         exposure = CameraExposure(

@@ -1,15 +1,19 @@
-"""What sensors report: GNSS fixes, IMU samples, point clouds, radar detections, optical flow.
+"""What sensors report: GNSS fixes, IMU samples, points, radar detections, light, optical flow.
 
 Datasets' readers import these types, so this module imports nothing but NumPy.
 """
 
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
+
+if TYPE_CHECKING:
+    from advercity_dsl import RawOutput
 
 
 class GnssSolution(StrEnum):
@@ -168,6 +172,41 @@ class PointCloud:
     semantic: NDArray[np.uint8]
     instance: NDArray[np.int32]
     kind: NDArray[np.uint8]
+
+
+HDR_FULL_VALUE = 4095
+"""Value of a linear image where a pixel is full in the long exposure."""
+
+
+@dataclass(frozen=True)
+class CameraReadout:
+    """What the values of a camera's sensor mean in one image.
+
+    Attributes:
+        shutter_s: Exposure time.
+        iso: Sensitivity.
+        saturation_cd_m2: Luminance of a grey surface that just fills a pixel in the long exposure.
+        white_point: (3,) factors of the red, green and blue light that the image shows as grey.
+        full_well_e: Electrons of a full pixel.
+        read_noise_e: Standard deviation of the read noise in electrons.
+    """
+
+    shutter_s: float
+    iso: float
+    saturation_cd_m2: float
+    white_point: tuple[float, float, float]
+    full_well_e: float
+    read_noise_e: float
+
+    def scale_hdr(self, values: NDArray[np.uint16]) -> NDArray[np.float32]:
+        """Convert a linear image (h, w, 3) to the light on the sensor in cd/m²."""
+        step = np.array(self.white_point) * (self.saturation_cd_m2 / HDR_FULL_VALUE)
+        return values * step.astype(np.float32)
+
+    def count_electrons(self, values: NDArray[np.uint16], raw: "RawOutput") -> NDArray[np.float32]:
+        """Convert the values (h, w) of a sensor's pixels to electrons, below 0 by noise too."""
+        step = self.full_well_e / (raw.full_value - raw.black_level)
+        return (values.astype(np.float32) - raw.black_level) * np.float32(step)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from advercity.frames import Frame
 from advercity.geometry.poses import Matrix
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.measurements import (
+    CameraReadout,
     CanSample,
     GnssFix,
     ImuSample,
@@ -70,6 +71,9 @@ class CameraImage:
         normal: (h, w, 3) float32, unit, x right, y down, z along the view, zero for sky; None if
             the rig does not ask.
         flow: Motion to the next image; None if the rig does not ask.
+        hdr: (h, w, 3) uint16, linear; None if the rig does not ask.
+        raw: (h, w) uint16, of the sensor's pixels; None if the rig does not ask.
+        readout: What the values of `hdr` and `raw` mean; None if the rig asks for neither.
     """
 
     world_from_camera: Matrix
@@ -80,6 +84,9 @@ class CameraImage:
     instance: NDArray[np.int32] | None = None
     normal: NDArray[np.float32] | None = None
     flow: OpticalFlow | None = None
+    hdr: NDArray[np.uint16] | None = None
+    raw: NDArray[np.uint16] | None = None
+    readout: CameraReadout | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from advercity_dsl.conflict import Conflict, OutcomeCriteria, StagedActor, Stage
 from advercity_dsl.inertial import Imu
 from advercity_dsl.lidar import Lidar, LidarModel
 from advercity_dsl.mount import Mount
-from advercity_dsl.rig import Camera, Exposure, Gnss, Radar, Rig, SensorSet
+from advercity_dsl.rig import Camera, Exposure, Gnss, Radar, RawOutput, Rig, SensorSet
 from advercity_dsl.road import (
     MapFile,
     MapNetwork,
@@ -92,6 +92,7 @@ __all__ = [
     "OutcomeCriteria",
     "PedestrianAppearance",
     "Radar",
+    "RawOutput",
     "Rig",
     "Road",
     "RoadsideUnit",

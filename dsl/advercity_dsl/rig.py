@@ -61,6 +61,30 @@ class Exposure(CompactModel):
     """Exposure compensation in stops, positive for brighter images; 0 is the meter of ISO 2720."""
 
 
+class RawOutput(CompactModel):
+    """Values of the sensor's pixels, each behind a filter of one colour."""
+
+    pattern: Literal["rggb", "bggr", "grbg", "gbrg"] = "rggb"
+    """Filters of the first two pixels of the first row, and of the second."""
+    bits: Annotated[Count, Field(ge=8, le=16)] = 12
+    """Bits of the converter; its largest value is a full pixel."""
+    black_level: Annotated[Count, Field(ge=0, le=4096)] = 64
+    """Value without light and noise."""
+
+    @model_validator(mode="after")
+    def _check_black_level(self) -> Self:
+        if self.black_level > self.full_value // 2:
+            message = f"is more than half of the largest value of {self.bits} bits"
+            hint = f"give at most {self.full_value // 2}, or more bits"
+            raise InvalidCombination(("black_level",), message, hint)
+        return self
+
+    @property
+    def full_value(self) -> int:
+        """Value of a full pixel."""
+        return 2**self.bits - 1
+
+
 TruthImage = Literal["instance", "normal", "flow"]
 """An image of truth that a camera may have."""
 
@@ -87,6 +111,12 @@ class Camera(CompactModel):
     """Exponent of the cosine by which images darken off axis: 4 for a simple lens, 0 for none."""
     flare: Annotated[Number, Field(ge=0, le=10)] = 1
     """Brightness of lens ghosts relative to a coated lens; 0 is none."""
+    hdr: Flag = Field(default=False, exclude_if=is_empty)
+    """Whether a linear image of 16 bits is written too: what the sensor measured before the tone
+    curve, with the stops of `highlights_ev`."""
+    raw: RawOutput | None = Field(default=None, exclude_if=is_none)
+    """The image of the sensor's pixels behind their colour filters, which is written too; without
+    it, none is."""
     truth: Annotated[Items[TruthImage], Field(max_length=3)] = Field(
         default=(), exclude_if=is_empty
     )
@@ -112,6 +142,12 @@ class Camera(CompactModel):
             hint = "give a smaller width_px or horizontal_fov_deg"
             raise InvalidCombination(("lens",), message, hint)
         return self
+
+    @property
+    def more_images(self) -> tuple[str, ...]:
+        """Kinds of images that are written besides those of every camera."""
+        asked = {"hdr": self.hdr, "raw": self.raw is not None}
+        return (*self.truth, *(kind for kind, is_asked in asked.items() if is_asked))
 
     @property
     def edge_angle_rad(self) -> float:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from advercity_dsl import Spec
+from advercity_dsl import RawOutput, Spec
 
 from advercity.cli.arguments import parse_frame_slice
 from advercity.compiler import find_weather, with_digest, with_weather, write_specs
@@ -353,13 +353,15 @@ def test_frame_ranges_count_from_the_first_kept_frame(text: str, frames: list[in
 
 def test_a_rig_that_asks_for_truth_gets_images_of_it(spec: Spec, tmp_path: Path) -> None:
     agents = list(spec.agents)
-    camera = agents[0].sensors.camera.model_copy(update={"truth": ("instance", "normal", "flow")})
+    camera = agents[0].sensors.camera.model_copy(
+        update={"truth": ("instance", "normal", "flow"), "hdr": True, "raw": RawOutput(bits=10)}
+    )
     sensors = agents[0].sensors.model_copy(update={"camera": camera})
     agents[0] = agents[0].model_copy(update={"sensors": sensors})
     asking = with_digest(spec.model_copy(update={"agents": tuple(agents)}))
     scenario = run(asking, tmp_path, 0, 2)
     assert verify_dataset(scenario) == []
-    for kind in ("instance", "normal", "flow", "occlusion"):
+    for kind in ("instance", "normal", "flow", "occlusion", "hdr", "raw"):
         assert {path.parent.name for path in scenario.glob(f"*/*_{kind}*.png")} == {"+101"}
     view = Scenario(scenario)[0]["cav1"]
     counted = 0
@@ -374,6 +376,11 @@ def test_a_rig_that_asks_for_truth_gets_images_of_it(spec: Spec, tmp_path: Path)
     assert road.sum() > 500
     np.testing.assert_allclose(view.normal(0)[road].mean(axis=0), [0, -1, 0], atol=0.02)
     assert np.abs(view.normal(0)[view.semantic(0) == Semantic.SKY]).max() < 0.005
+    electrons = view.load_readout(0).count_electrons(view.raw(0), RawOutput(bits=10))
+    assert electrons.shape == view.hdr(0).shape[:2] == road.shape
+    saturation = view.load_readout(0).saturation_cd_m2
+    light = electrons / view.load_readout(0).full_well_e * saturation
+    assert light[road].mean() == pytest.approx(view.hdr(0)[road].mean(), rel=0.05)
     flow, row, column = view.flow(0), *np.indices(view.instance(0).shape)
     seen = ~flow.occluded
     assert seen.mean() > 0.8

@@ -56,7 +56,7 @@ def picture(radiance: Array, taken_by: Camera, *key: int) -> NDArray[np.uint8]:
         taken_by,
         meter_exposure(radiance, taken_by.exposure),
         create_generator("test", *key),
-    )
+    ).image
 
 
 @pytest.mark.parametrize("mode", ["auto", "sensor"])
@@ -200,7 +200,7 @@ def test_what_is_lighter_than_a_grey_card_in_the_same_light_stays_lighter(
 ) -> None:
     lit = grey(albedo * 5000.0)
     setting = meter_exposure(lit, Exposure(), white_card_cd_m2=5000.0)
-    taken = expose_image(lit, camera(), setting, create_generator("test"))
+    taken = expose_image(lit, camera(), setting, create_generator("test")).image
     np.testing.assert_allclose(taken.astype(int), value, atol=2)
 
 

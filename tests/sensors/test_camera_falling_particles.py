@@ -232,7 +232,7 @@ def picture(said: Weather, seen: CameraCapture, **exposure: Any) -> NDArray[np.u
     camera = taken.camera.model_copy(update={"exposure": Exposure(**exposure)})
     air = camera_conditions(said)
     rng = create_generator("electronics")
-    return render_image(seen, replace(taken, camera=camera), air, rng, mount=Mount())
+    return render_image(seen, replace(taken, camera=camera), air, rng, mount=Mount()).image
 
 
 def test_by_night_a_sensor_streaks_rain_for_a_60th_of_a_second() -> None:

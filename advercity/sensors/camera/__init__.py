@@ -1,6 +1,7 @@
 """Turns rendered radiance into camera images: air before the lens, glass, lens, electronics."""
 
 from advercity.sensors.camera.electronics import (
+    ExposedImage,
     ExposureSettings,
     digitise,
     expose_image,
@@ -13,6 +14,7 @@ from advercity.sensors.camera.image_formation import CameraConditions, add_air_e
 __all__ = [
     "CameraConditions",
     "CameraExposure",
+    "ExposedImage",
     "ExposureSettings",
     "add_air_effects",
     "digitise",

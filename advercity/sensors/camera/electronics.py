@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from advercity_dsl import Camera, Exposure
+from advercity_dsl import Camera, Exposure, RawOutput
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
@@ -23,9 +23,9 @@ from advercity.physics.photometry import (
     cubemap_directions,
     cubemap_solid_angles,
 )
+from advercity.sensors.measurements import HDR_FULL_VALUE, CameraReadout
 
-WHITE_DN = 4095
-"""Value of the 12-bit converter where a pixel is full in the long exposure."""
+WHITE_DN = HDR_FULL_VALUE
 MAX_DN = 16 * WHITE_DN
 """Largest value of a sensor with four stops of highlights."""
 MIDDLE_GREY = 0.18
@@ -57,6 +57,8 @@ _LUMINANCE_WEIGHTS_32 = LUMINANCE_WEIGHTS.astype(np.float32)
 DAY_WHITE_RANGE_K = (5500.0, 7500.0)
 NIGHT_WHITE_RANGE_K = (3500.0, 7500.0)
 """Ranges of white; scenes that are yellower or bluer stay so, as in dust and under a low sun."""
+COLOUR_CHANNELS = "rgb"
+"""Letters of the colours in names of filter patterns, by channel."""
 
 
 @lru_cache(maxsize=64)
@@ -109,6 +111,23 @@ class ExposureSettings:
         return READ_NOISE_E * math.sqrt(self.binned_pixels)
 
 
+@dataclass(frozen=True, eq=False)
+class ExposedImage:
+    """What a camera makes of the light on its sensor.
+
+    Attributes:
+        image: (h, w, 3) uint8 RGB.
+        readout: What the values of the others mean.
+        hdr: (h, w, 3) uint16, linear, white-balanced; None if the camera writes none.
+        raw: (h, w) uint16 of the sensor's pixels; None if the camera writes none.
+    """
+
+    image: NDArray[np.uint8]
+    readout: CameraReadout
+    hdr: NDArray[np.uint16] | None
+    raw: NDArray[np.uint16] | None
+
+
 def expose_image(
     light: NDArray[np.float32],
     camera: Camera,
@@ -116,8 +135,8 @@ def expose_image(
     rng: np.random.Generator,
     *,
     white_point: NDArray[np.float64] = NEUTRAL_WHITE,
-) -> NDArray[np.uint8]:
-    """Expose and digitise the light on a sensor to an image (h, w, 3) RGB.
+) -> ExposedImage:
+    """Expose and digitise the light on a sensor.
 
     `light` is (h, w, 3) cd/m² at any scale of the camera's size: a pixel of a smaller image gathers
     the light of all pixels that it represents. `white_point` (3,) of luminance 1 becomes grey.
@@ -126,8 +145,23 @@ def expose_image(
     binned = max(1.0, camera.width_px * camera.height_px / pixels)
     setting = replace(setting, binned_pixels=binned, highlights_ev=camera.highlights_ev)
     fill_fraction = light / (setting.saturation_cd_m2 * white_point).astype(np.float32)
-    digital = digitise(fill_fraction, setting, rng if camera.noise else None)
-    return build_tone_curve(_brightest_ev(fill_fraction, camera.highlights_ev)).take(digital)
+    noise = rng if camera.noise else None
+    digital = digitise(fill_fraction, setting, noise)
+    red, green, blue = white_point.tolist()
+    return ExposedImage(
+        image=build_tone_curve(_brightest_ev(fill_fraction, camera.highlights_ev)).take(digital),
+        readout=CameraReadout(
+            shutter_s=setting.shutter_s,
+            iso=setting.iso,
+            saturation_cd_m2=setting.saturation_cd_m2,
+            white_point=(red, green, blue),
+            full_well_e=setting.full_well_e,
+            read_noise_e=setting.read_noise_e,
+        ),
+        hdr=digital if camera.hdr else None,
+        # After the image, whose noise is the same with and without it.
+        raw=None if camera.raw is None else digitise_raw(light, camera.raw, setting, noise),
+    )
 
 
 def meter_exposure(
@@ -175,11 +209,47 @@ def digitise(
         gain = WHITE_DN / setting.full_well_e
         read_variance = np.float32((gain * setting.read_noise_e) ** 2)
         deviation = np.sqrt(np.float32(gain) * digital + read_variance)
-        levels = np.frombuffer(rng.bytes(2 * deviation.size), "<u2")
-        deviation *= _NORMAL_TABLE.take(levels).reshape(deviation.shape)
+        deviation *= _draw_normal(deviation.shape, rng)
         digital += deviation
         np.clip(digital, 0.0, full_dn, out=digital)
     return np.rint(digital, out=digital).astype(np.uint16)
+
+
+def digitise_raw(
+    light: NDArray[np.float32],
+    raw: RawOutput,
+    setting: ExposureSettings,
+    rng: np.random.Generator | None,
+) -> NDArray[np.uint16]:
+    """Convert light (h, w, 3) in cd/m² to values (h, w) of pixels behind filters of one colour.
+
+    They are those of the long exposure, which a full pixel ends, without white balance. Noise is
+    that of `digitise`; below the black level it shows as far as 0.
+    """
+    electrons = _select_filtered(light, raw.pattern) * np.float32(
+        setting.full_well_e / setting.saturation_cd_m2
+    )
+    np.minimum(electrons, np.float32(setting.full_well_e), out=electrons)
+    if rng is not None:
+        deviation = np.sqrt(electrons + np.float32(setting.read_noise_e**2))
+        electrons += deviation * _draw_normal(electrons.shape, rng)
+    step = np.float32((raw.full_value - raw.black_level) / setting.full_well_e)
+    values = np.rint(electrons * step + np.float32(raw.black_level))
+    return np.clip(values, 0, raw.full_value).astype(np.uint16)
+
+
+def _select_filtered(light: NDArray[np.float32], pattern: str) -> NDArray[np.float32]:
+    """Select the channel (h, w) of light (h, w, 3) that each pixel's filter passes."""
+    mosaic = np.empty(light.shape[:2], np.float32)
+    for place, colour in enumerate(pattern):
+        every = slice(place // 2, None, 2), slice(place % 2, None, 2)
+        mosaic[every] = light[every][..., COLOUR_CHANNELS.index(colour)]
+    return mosaic
+
+
+def _draw_normal(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float32]:
+    levels = np.frombuffer(rng.bytes(2 * math.prod(shape)), "<u2")
+    return _NORMAL_TABLE.take(levels).reshape(shape)
 
 
 def _choose_shutter_then_gain(wanted_ev100: float, exposure: Exposure) -> ExposureSettings:

@@ -20,7 +20,12 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.precipitation import ParticleSizeDistribution
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture
-from advercity.sensors.camera.electronics import expose_image, find_white_point, meter_exposure
+from advercity.sensors.camera.electronics import (
+    ExposedImage,
+    expose_image,
+    find_white_point,
+    meter_exposure,
+)
 from advercity.sensors.camera.exposure import CameraExposure
 from advercity.sensors.camera.falling_particles import ParticleBlock, build_particle_blocks
 from advercity.sensors.camera.motion_streaks import add_falling_particles
@@ -103,8 +108,8 @@ def render_image(
     *,
     mount: Mount,
     carrier: str = "",
-) -> NDArray[np.uint8]:
-    """Form the image (h, w, 3) RGB that a camera takes.
+) -> ExposedImage:
+    """Form the image that a camera takes.
 
     `mount` and `carrier` decide what is on the glass; `rng` is of this camera and frame, for the
     electronics.

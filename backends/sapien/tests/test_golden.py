@@ -136,7 +136,7 @@ def taken(name: str, weather: Weather, renderer: Renderer) -> Image:
     rng = create_generator("golden", name)
     return render_image(
         capture, shot, CameraConditions.build(air, weather.lens, "golden"), rng, mount=Mount()
-    )
+    ).image
 
 
 def device() -> str:
