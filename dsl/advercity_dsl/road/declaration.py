@@ -105,7 +105,7 @@ class RoadsideUnit(Model):
     roll_deg: Degrees = 0
     """Positive lowers the right side."""
     lidar_upper_deg: Degrees | None = None
-    """Elevation of the highest beam; `null` uses that of the rig."""
+    """Elevation of the highest beam of evenly spaced channels; `null` uses that of the rig."""
 
     @property
     def is_ego(self) -> bool:

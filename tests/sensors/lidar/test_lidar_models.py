@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from advercity_dsl import Lidar, LidarModel
+from advercity_dsl import Lidar, LidarModel, Rig
 
 from advercity.geometry.mesh import Mesh
 from advercity.physics.extinction import extinction_from_mor
@@ -278,3 +278,29 @@ def test_a_longer_near_field_keeps_the_range_and_suppresses_fog() -> None:
     assert len(measure(long, sky(), **fog).points) == 0
     dark = panel(3.0, long, "rubber")
     assert len(measure(long, dark, **fog).points) == 120_000
+
+
+RIGS = LIBRARY.get_declarations(Rig)
+
+
+@pytest.mark.parametrize("name", ["nuscenes_like", "robotaxi", "roadside"])
+def test_fog_only_takes_points_from_rigs_of_real_sensors(name: str) -> None:
+    """Walls all around: fog hides them, and its own points do not make up for that."""
+    sensors = RIGS[name].vehicle or RIGS[name].roadside_unit
+    assert sensors is not None
+    lidar = vary(sensors.lidar, motion_distortion=False)
+    caster = raycaster_with((10.0, 0.0), walls=[WALL_AHEAD])
+    scan = cast_scan(lidar, STAND, caster)
+    clear, thin, dense = (measure(lidar, scan, fog={"mor_m": mor}) for mor in (990, 120, 60))
+    assert len(clear.points) > len(thin.points) > len(dense.points)
+    air_fractions = [(cloud.kind == PointKind.FOG).mean() for cloud in (clear, thin, dense)]
+    assert max(air_fractions) < 0.02
+
+
+def test_the_original_rig_stays_ideal() -> None:
+    vehicle = RIGS["adver_city"].vehicle
+    assert vehicle is not None
+    lidar = vehicle.lidar
+    assert (lidar.model, lidar.sub_rays, lidar.range_noise_m) == (None, 1, 0)
+    assert lidar.beam == Lidar().beam
+    assert lidar.receiver == Lidar().receiver
