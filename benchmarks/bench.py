@@ -26,7 +26,7 @@ from advercity_sapien.backend import find_vulkan_device
 from measurement import Measurement, format_table
 
 NAMES = [
-    *("compile", "traffic", "bodies", "lidar", "radar"),
+    *("compile", "traffic", "bodies", "lidar", "radar", "positioning"),
     *("camera", "tracing", "effects", "encode", "frame"),
     *("cores", "resume", "reader", "motion", "export"),
 ]

@@ -7,6 +7,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 from advercity_dsl import Agent, Mount, RoadsideUnit, Spec
+from advercity_dsl.positioning import SatelliteReceiver
 
 from advercity.conflicts.roles import find_conflict_roles
 from advercity.errors import RunError
@@ -59,7 +60,7 @@ class AgentPoses:
         self._traced = lru_cache(maxsize=4)(trace.build_frame)
         self._shown = lru_cache(maxsize=4)(self._build_frame)
         self._parked = place_parked_cars(build_road(spec.road), spec.blueprints, spec.conflicts)
-        self._receivers: dict[str, ReceiverInPlace] = {}
+        self._receivers: dict[tuple[str, SatelliteReceiver], ReceiverInPlace] = {}
         road = spec.road
         self._origin = Geodetic(road.origin_lat_deg, road.origin_lon_deg, road.origin_alt_m)
 
@@ -244,15 +245,16 @@ class AgentPoses:
     def measure_fix(self, agent: Agent, frame: Frame, sky: SkyView) -> GnssFix | None:
         """Measure what an agent's receiver of satellites reports since the previous frame."""
         gnss, key = agent.sensors.gnss, self._build_drive_key(agent)
-        if agent.id not in self._receivers:
-            self._receivers[agent.id] = ReceiverInPlace(
+        place = agent.id, gnss.receiver
+        if place not in self._receivers:
+            self._receivers[place] = ReceiverInPlace(
                 gnss.receiver,
                 sky,
                 self._origin,
                 pose_at=partial(self._find_pose, agent),
                 key=key,
             )
-        receiver = self._receivers[agent.id]
+        receiver = self._receivers[place]
         times = list_sample_times(gnss, self._trace.tick_s, frame.index, key=(*key, "gnss"))
         fixes = [
             receiver.measure(

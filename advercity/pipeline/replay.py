@@ -25,7 +25,7 @@ from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.options import ViewerTarget
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.roads.road_network import build_road
-from advercity.sensors.measurements import PointCloud
+from advercity.sensors.measurements import GnssFix, PointCloud
 from advercity.sensors.radar import PlacedRadar
 from advercity.sensors.sensor_frame import CameraImage, LidarScan, RadarScan, SensorFrame
 from advercity.viewer.cloud_colours import CloudColour
@@ -48,10 +48,15 @@ def load_sensor_frames(
             images=tuple(_load_images(stored[agent.id], poses.world_from_cameras(agent, index))),
             scans=tuple(_load_scans(stored[agent.id], poses.world_from_lidars(agent, frame))),
             radar_scans=tuple(_load_radars(stored[agent.id], poses.place_radars(agent, frame))),
-            fix=stored[agent.id].motion[0],
+            fix=_load_fix(stored[agent.id]),
         )
         for agent in scenario.spec.agents
     )
+
+
+def _load_fix(stored: AgentView) -> GnssFix | None:
+    """Load the fix of a receiver of satellites; other fixes need no world to be made again."""
+    return stored.motion[0] if stored.agent.sensors.gnss.mode == "satellites" else None
 
 
 def _with_annotated_boxes(frame: Frame, annotated: Iterable[Boxes]) -> Frame:
