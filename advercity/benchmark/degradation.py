@@ -44,7 +44,7 @@ def tabulate_degradation(
     Args:
         dataset: Of a suite with a sweep.
         predictions: Files of predictions on it; a column each.
-        options: Of the evaluation.
+        options: Of the evaluation; ranges are those of all frames.
 
     Raises:
         InputError: The scenarios are not those of one sweep, or predictions cannot be evaluated.

@@ -69,7 +69,7 @@ def train(
         steps=steps,
         batch=batch,
         learning_rate=learning_rate,
-        channels=8 * math.ceil(channels / 8),
+        channels=channels,
         seed=seed,
         is_ideal=ideal_channel,
     )

@@ -1,5 +1,6 @@
 """Detectors in files: weights, how they were trained, and what is needed to go on after a kill."""
 
+import hashlib
 import io
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,9 +27,8 @@ class TrainingRecord(Model):
     steps: Annotated[int, Field(ge=1, le=10_000_000)] = 3000
     batch: Annotated[int, Field(ge=1, le=1000)] = 2
     seed: Annotated[int, Field(ge=0)] = 1
-    channels: Annotated[int, Field(ge=8, le=512, multiple_of=8)] = 32
+    channels: Annotated[int, Field(ge=8, le=512)] = 32
     learning_rate: Annotated[float, Field(gt=0, le=1)] = 2e-3
-    frames: str = ":"
     is_ideal: bool = False
     dataset_sha256: str = ""
     """Of the names of its scenarios, their specs and the numbers of their frames."""
@@ -74,10 +74,7 @@ def load_detector(path: Path) -> tuple[Any, TrainingRecord]:
 
 def load_checkpoint(path: Path) -> Checkpoint:
     """Load a checkpoint; InputError if the file is none."""
-    try:
-        raw = read_bytes(path, max_bytes=MAX_CHECKPOINT_BYTES)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
+    raw = _read_file(path)
     try:
         # Only tensors and plain values: a file of others runs no code.
         found = torch.load(io.BytesIO(raw), map_location="cpu", weights_only=True)
@@ -93,6 +90,18 @@ def load_checkpoint(path: Path) -> Checkpoint:
         raise InputError(f"{path}: is a detector of another version") from error
     except Exception as error:  # torch.load raises many kinds for what is no checkpoint
         raise InputError(f"{path}: is no detector, or is damaged") from error
+
+
+def digest_file(path: Path) -> str:
+    """Compute the SHA-256 of a detector's file; InputError if it cannot be read."""
+    return hashlib.sha256(_read_file(path)).hexdigest()
+
+
+def _read_file(path: Path) -> bytes:
+    try:
+        return read_bytes(path, max_bytes=MAX_CHECKPOINT_BYTES)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
 
 
 def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:

@@ -120,8 +120,8 @@ class Attention(nn.Module):
     def forward(self, maps: Tensor, inside: Tensor) -> Tensor:
         """Fuse maps (s, c, nx, ny), the ego's first, where they exist (s, nx, ny)."""
         scores = (self.query(maps[:1]) * self.key(maps)).sum(1) / math.sqrt(maps.shape[1])
-        shares = torch.softmax(scores.masked_fill(~inside, -math.inf), 0)
-        return (shares[:, None] * maps).sum(0, keepdim=True)
+        fractions = torch.softmax(scores.masked_fill(~inside, -math.inf), 0)
+        return (fractions[:, None] * maps).sum(0, keepdim=True)
 
 
 class Detector(nn.Module):

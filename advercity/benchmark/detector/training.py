@@ -12,6 +12,7 @@ from advercity.benchmark.detector.checkpoint import (
     Checkpoint,
     TrainingRecord,
     build_detector,
+    digest_file,
     load_checkpoint,
     restore,
     save_checkpoint,
@@ -73,7 +74,7 @@ def train_detector(
     record = record.model_copy(
         update={
             "dataset_sha256": _digest_frames(chosen),
-            "start_sha256": start and hashlib.sha256(start.read_bytes()).hexdigest(),
+            "start_sha256": None if start is None else digest_file(start),
         }
     )
     network = build_detector(record)
@@ -177,9 +178,9 @@ def _compute_heat_loss(heat: Tensor, wanted: Tensor, weights: Tensor) -> Tensor:
 
 
 def _compute_box_loss(learned: Tensor, boxes: Tensor, wanted: Tensor) -> Tensor:
-    shares = wanted * (wanted >= LEARNED_HEAT)
+    weights = wanted * (wanted >= LEARNED_HEAT)
     errors = (learned - boxes).abs().sum(0)
-    return (errors * shares).sum() / shares.sum().clamp(min=1.0)
+    return (errors * weights).sum() / weights.sum().clamp(min=1.0)
 
 
 def _digest_frames(frames: list[FrameView]) -> str:
