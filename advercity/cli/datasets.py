@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 commands = typer.Typer()
 EXPORT_FORMAT_NAMES = (
+    "calibration",
     "coco",
     "croissant",
     "kitti",

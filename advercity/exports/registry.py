@@ -57,6 +57,7 @@ class ExportFormat:
 EXPORT_FORMATS = {
     one.name: one
     for one in (
+        ExportFormat("calibration", "calibration"),
         ExportFormat("coco", "coco"),
         ExportFormat("croissant", "croissant"),
         ExportFormat("kitti", "kitti"),
