@@ -1,7 +1,10 @@
 """Commands that import recorded traffic."""
 
+import inspect
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -10,6 +13,8 @@ from advercity.errors import InputError
 
 if TYPE_CHECKING:
     from advercity_dsl import Spec
+
+    from advercity.compiler.recorded_roads import ReplayChoice
 
 imports = typer.Typer(
     name="import",
@@ -23,114 +28,125 @@ OutputOption = Annotated[
 MapOption = Annotated[
     Path | None, typer.Option("--map", help="Map: OpenDRIVE, OpenStreetMap or SUMO network.")
 ]
-NameOption = Annotated[
-    str | None, typer.Option(help="Id of road and suite (default: name of the file).")
-]
-EgoOption = Annotated[str | None, typer.Option(help="Track of the ego.")]
-ConnectedOption = Annotated[
-    list[str] | None,
-    typer.Option(help="Track of another connected vehicle; may be given again (else the nearest)."),
-]
-CountOption = Annotated[
-    int, typer.Option(min=0, max=20, help="Number of the nearest vehicles that are connected, too.")
-]
-FromOption = Annotated[
-    float | None,
-    typer.Option("--from", help="Time of the recording at the first frame, s (default: ego's)."),
-]
-ToOption = Annotated[
-    float | None, typer.Option("--to", help="Time of the recording at the end, s (default: ego's).")
-]
-OffsetOption = Annotated[
-    tuple[float, float],
-    typer.Option(metavar="EAST NORTH", help="Metres by which the recording is moved to the map."),
-]
-TurnOption = Annotated[
-    float,
-    typer.Option(help="Degrees by which it is turned counter-clockwise before it is moved."),
-]
-WeatherOption = Annotated[
-    list[str] | None,
-    typer.Option(help="Weather of the library; may be repeated (default: clear_day)."),
-]
-RigOption = Annotated[str, typer.Option(help="Sensors of the connected vehicles.")]
-LooksOption = Annotated[
-    Literal["full", "shaped"],
-    typer.Option(help="Models and photographs of packages (full), or generated ones (shaped)."),
-]
-LandUseOption = Annotated[Literal["urban", "rural"], typer.Option(help="Land use of the site.")]
-OriginOption = Annotated[
-    tuple[float, float],
-    typer.Option(metavar="LAT LON", help="Latitude and longitude of the map's origin, degrees."),
-]
 
 
-@imports.command()
-def trajectories(
-    file: Annotated[Path, typer.Argument(help="Table: CSV or Parquet.")],
-    output: OutputOption,
-    map_: MapOption = None,
-    name: NameOption = None,
-    ego: EgoOption = None,
-    connected: ConnectedOption = None,
-    connected_count: CountOption = 2,
-    from_: FromOption = None,
-    to: ToOption = None,
-    offset: OffsetOption = (0.0, 0.0),
-    turn: TurnOption = 0.0,
-    weather: WeatherOption = None,
-    rig: RigOption = "adver_city",
-    looks: LooksOption = "full",
-    land_use: LandUseOption = "urban",
-    origin: OriginOption = (0.0, 0.0),
-) -> None:
-    """Make scenarios of a table of trajectories.
+def _build_choice(
+    name: Annotated[
+        str | None, typer.Option(help="Id of road and suite (default: name of the file).")
+    ] = None,
+    ego: Annotated[str | None, typer.Option(help="Track of the ego.")] = None,
+    connected: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Track of another connected vehicle; may be given again (else the nearest)."
+        ),
+    ] = None,
+    connected_count: Annotated[
+        int,
+        typer.Option(min=0, max=20, help="Number of the nearest vehicles that are connected, too."),
+    ] = 2,
+    from_: Annotated[
+        float | None,
+        typer.Option(
+            "--from", help="Time of the recording at the first frame, s (default: ego's)."
+        ),
+    ] = None,
+    to: Annotated[
+        float | None,
+        typer.Option("--to", help="Time of the recording at the end, s (default: ego's)."),
+    ] = None,
+    weather: Annotated[
+        list[str] | None,
+        typer.Option(help="Weather of the library; may be repeated (default: clear_day)."),
+    ] = None,
+    rig: Annotated[str, typer.Option(help="Sensors of the connected vehicles.")] = "adver_city",
+    looks: Annotated[
+        Literal["full", "shaped"],
+        typer.Option(help="Models and photographs of packages (full), or generated ones (shaped)."),
+    ] = "full",
+    land_use: Annotated[
+        Literal["urban", "rural"], typer.Option(help="Land use of the site.")
+    ] = "urban",
+    origin: Annotated[
+        tuple[float, float],
+        typer.Option(
+            metavar="LAT LON", help="Latitude and longitude of the map's origin, degrees."
+        ),
+    ] = (0.0, 0.0),
+) -> "ReplayChoice":
+    from advercity.compiler.recorded_roads import ReplayChoice
 
-    Reads the layouts of inD and INTERACTION, and one of its own: id, class, time_s, x_m, y_m,
-    heading_deg, length_m, width_m, height_m.
-    """
-    from advercity.compiler.recorded_roads import (
-        ReplayChoice,
-        load_recorded_table,
-        write_recorded_road,
-    )
-
-    choice = ReplayChoice(
+    return ReplayChoice(
         name=name,
         ego=ego,
         connected=connected or (),
         connected_count=connected_count,
         from_s=from_,
         to_s=to,
-        offset_m=offset,
-        turn_deg=turn,
         weathers=weather or ("clear_day",),
         rig=rig,
         looks=looks,
         land_use=land_use,
         origin_deg=origin,
     )
-    if map_ is None:
-        raise InputError("give the map on which the vehicles drive with --map")
-    _report(write_recorded_road(load_recorded_table(file), map_, choice, output), output)
+
+
+def _with_choice(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of `_build_choice`, and its result as the argument `choice`."""
+    options = inspect.signature(_build_choice).parameters
+    own = inspect.signature(command).parameters
+    signature = inspect.Signature(
+        [*(item for name, item in own.items() if name != "choice"), *options.values()]
+    )
+
+    def run(**values: Any) -> None:
+        choice = _build_choice(**{name: values.pop(name) for name in options})
+        command(**values, choice=choice)
+
+    # Typer takes options from the signature, and help from the docstring.
+    run.__signature__ = signature  # pyright: ignore[reportFunctionMemberAccess]
+    run.__name__, run.__doc__ = command.__name__, command.__doc__
+    return run
 
 
 @imports.command()
+@_with_choice
+def trajectories(
+    choice: "ReplayChoice",
+    file: Annotated[Path, typer.Argument(help="Table: CSV or Parquet.")],
+    output: OutputOption,
+    map_: MapOption = None,
+    offset: Annotated[
+        tuple[float, float],
+        typer.Option(
+            metavar="EAST NORTH", help="Metres by which the recording is moved to the map."
+        ),
+    ] = (0.0, 0.0),
+    turn: Annotated[
+        float,
+        typer.Option(help="Degrees by which it is turned counter-clockwise before it is moved."),
+    ] = 0.0,
+) -> None:
+    """Make scenarios of a table of trajectories.
+
+    Reads the layouts of inD and INTERACTION, and one of its own: id, class, time_s, x_m, y_m,
+    heading_deg, length_m, width_m, height_m.
+    """
+    from advercity.compiler.recorded_roads import load_recorded_table, write_recorded_road
+
+    if map_ is None:
+        raise InputError("give the map on which the vehicles drive with --map")
+    moved = replace(choice, offset_m=offset, turn_deg=turn)
+    _report(write_recorded_road(load_recorded_table(file), map_, moved, output), output)
+
+
+@imports.command()
+@_with_choice
 def openscenario(
+    choice: "ReplayChoice",
     file: Annotated[Path, typer.Argument(help="OpenSCENARIO XML 1.x (*.xosc).")],
     output: OutputOption,
     map_: MapOption = None,
-    name: NameOption = None,
-    ego: EgoOption = None,
-    connected: ConnectedOption = None,
-    connected_count: CountOption = 2,
-    from_: FromOption = None,
-    to: ToOption = None,
-    weather: WeatherOption = None,
-    rig: RigOption = "adver_city",
-    looks: LooksOption = "full",
-    land_use: LandUseOption = "urban",
-    origin: OriginOption = (0.0, 0.0),
 ) -> None:
     """Make scenarios of an OpenSCENARIO file.
 
@@ -138,25 +154,8 @@ def openscenario(
     times, are refused by name and line. The map is the OpenDRIVE file that it names, unless --map
     gives another one.
     """
-    from advercity.compiler.recorded_roads import (
-        ReplayChoice,
-        load_recorded_scenario,
-        write_recorded_road,
-    )
+    from advercity.compiler.recorded_roads import load_recorded_scenario, write_recorded_road
 
-    choice = ReplayChoice(
-        name=name,
-        ego=ego,
-        connected=connected or (),
-        connected_count=connected_count,
-        from_s=from_,
-        to_s=to,
-        weathers=weather or ("clear_day",),
-        rig=rig,
-        looks=looks,
-        land_use=land_use,
-        origin_deg=origin,
-    )
     recording = load_recorded_scenario(file)
     for remark in recording.remarks:
         print_remark(remark)
