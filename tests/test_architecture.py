@@ -27,7 +27,7 @@ ROOMS = (
     ),
     ("geometry", "randomness"),
     ("physics",),
-    ("frames",),
+    ("frames", "signal_heads"),
     ("roads", "recordings"),
     ("world",),
     ("conflicts",),

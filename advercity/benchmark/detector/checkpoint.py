@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError
 
 from advercity.benchmark.detector.network import Detector
 from advercity.benchmark.detector.pytorch import torch
-from advercity.documents import read_bytes
+from advercity.documents import parse_json, read_bytes
 from advercity.errors import InputError, RunError, describe_cause
 from advercity.output_files import write_output
 
@@ -81,7 +81,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         if found["format"] != FORMAT_NAME:
             raise ValueError(found["format"])
         return Checkpoint(
-            record=TrainingRecord.model_validate_json(found["record"]),
+            record=TrainingRecord.model_validate(parse_json(found["record"], path)),
             step=int(found["step"]),
             weights=dict(found["weights"]),
             optimizer=dict(found["optimizer"]),

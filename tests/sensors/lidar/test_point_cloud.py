@@ -99,7 +99,7 @@ def test_switching_rain_off_leaves_all_other_numbers_alone() -> None:
     rainy = air(**VACUUM, rain={"rate_mm_h": 50})
     wet = measure_point_cloud(lidar, scanned(scan), rainy, create_generator("test"))
     dry = measure_point_cloud(
-        lidar, scanned(scan), replace(rainy, particles=()), create_generator("test")
+        lidar, scanned(scan), replace(rainy, precipitation=()), create_generator("test")
     )
     assert (wet.kind == PointKind.RAIN).any()
     surface = wet.kind == PointKind.SURFACE
