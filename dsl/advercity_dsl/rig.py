@@ -48,7 +48,7 @@ class Exposure(CompactModel):
 
     mode: Literal["auto", "sensor", "manual"] = "auto"
     """`auto` meters every image with a fixed shutter: a grey filter darkens days, gain brightens
-    nights. `sensor` meters without a filter: it adjusts the shutter from 20 µs to 1/60 s, or to
+    nights. `sensor` meters without a filter: it adjusts the shutter from 20 µs to 1/30 s, or to
     `shutter_s` if that is longer, and then ISO up to 10,000. `manual` uses shutter and ISO as
     given."""
     f_number: Annotated[Number, Field(ge=0.5, le=64)] = 1.4

@@ -39,8 +39,8 @@ HEADROOM = 1.2
 """Saturation luminance at EV100 of 0: H_sat = 78 / ISO with q = 0.65."""
 AUTO_EV100_RANGE = (2.0, 15.5)
 """Range of automatic exposure."""
-MIN_SHUTTER_S, MAX_SHUTTER_S = 20e-6, 1.0 / 60.0
-"""Range in which a self-exposing sensor moves its shutter."""
+MIN_SHUTTER_S, MAX_SHUTTER_S = 20e-6, 1.0 / 30.0
+"""Range in which a self-exposing sensor moves its shutter: up to a frame of a camera of 30 Hz."""
 BASE_ISO, MAX_ISO = 100.0, 10_000.0
 """Range in which it then moves its gain: from a full well that fills the converter to where `auto`
 ends at f/1.4 and 1/200 s."""
