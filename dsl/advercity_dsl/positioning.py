@@ -59,6 +59,10 @@ class SatelliteReceiver(CompactModel):
     @field_validator("start_utc")
     @classmethod
     def _check_start(cls, text: str) -> str:
-        if datetime.fromisoformat(text).tzinfo is not None:
+        try:
+            has_offset = datetime.fromisoformat(text).tzinfo is not None
+        except ValueError as error:
+            raise ValueError(f"'{text}' is no time; write e.g. 2024-06-21T12:00:00") from error
+        if has_offset:
             raise ValueError(f"'{text}' has an offset; write the time in UTC without one")
         return text

@@ -235,6 +235,13 @@ class Gnss(Sampled):
     vertical_factor: Annotated[Number, Field(ge=0, le=10)] = 1.75
     """Factor of vertical errors over horizontal ones, for `realistic`."""
 
+    @model_validator(mode="after")
+    def _check_receiver(self) -> Self:
+        if self.mode != "satellites" and self.receiver != SatelliteReceiver():
+            message = f"has no effect with mode {self.mode}"
+            raise InvalidCombination(("receiver",), message, "write mode: satellites")
+        return self
+
 
 class MountedCamera(NamedTuple):
     """One camera of a carrier; `name` is that of its kind, empty for those of `camera`."""

@@ -97,9 +97,11 @@ def test_positions_are_those_of_scipy_s_least_squares() -> None:
     np.testing.assert_allclose(found, expected[:3], atol=1e-3)
 
 
-def test_three_satellites_are_no_position() -> None:
+def test_three_satellites_are_no_position_nor_are_four_in_one_direction() -> None:
     satellites = compute_satellites(["gps"], NOON, ORIGIN)[:3]
     assert solve_position(satellites, np.linalg.norm(satellites, axis=1), np.ones(3)) is None
+    same = np.repeat(satellites[:1], 5, axis=0)
+    assert solve_position(same, np.linalg.norm(same, axis=1), np.ones(5)) is None
 
 
 def test_the_best_four_satellites_have_the_dilution_of_textbooks() -> None:

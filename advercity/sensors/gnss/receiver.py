@@ -103,18 +103,18 @@ class ReceiverInPlace:
         satellites, directions, antenna = self._place(time_s)
         signals = self._track(time_s, velocity)
         solution, used = self._select(signals, time_s)
-        if used.sum() < 4:
-            return None
-        dilution = compute_dilution(directions[used])
         errors = self._draw_errors(directions, number, step_s)
         error_m, sd_m = errors.compute(self._receiver, signals, solution)
         ranges_m = np.linalg.norm(satellites - antenna, axis=1) + error_m
         found = solve_position(satellites[used], ranges_m[used], sd_m[used])
-        if found is None or not dilution.position < MAX_PDOP:
+        if found is None:
+            return None
+        dilution = compute_dilution(directions[used])
+        if dilution.position > MAX_PDOP:
             return None
         pose = self._pose_at(time_s)
         lever = pose[:3, :3] @ np.array(self._receiver.antenna_m)
-        # Rounded as receivers report it, so that all machines agree.
+        # To 0.1 mm, as receivers report it: the last bits of a solver differ between machines.
         place = geodetic_from_enu(np.round(found - lever, 4), self._origin)
         return GnssFix(
             latitude_deg=place.latitude_deg,
