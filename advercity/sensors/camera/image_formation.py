@@ -1,8 +1,8 @@
 """Forms a camera image from the radiance that a renderer captured.
 
 Radiance in cd/m² passes the air (the sun's disc, spray, drops and flakes), the glass, the lens
-(stray light, ghosts, vignetting, distortion) and the electronics (exposure, white balance, noise,
-tone).
+(stray light, ghosts, vignetting, distortion, blur) and the electronics (exposure, white balance,
+noise, tone).
 Absent effects leave the image unchanged bit for bit.
 """
 
@@ -36,6 +36,7 @@ from advercity.sensors.camera.optics import (
     apply_vignetting,
     glass_coverage,
 )
+from advercity.sensors.camera.point_spread import spread_points
 from advercity.sensors.camera.scene_light import AmbientLight, add_sun_disc
 from advercity.sensors.camera.spray_veil import add_spray
 
@@ -155,5 +156,8 @@ def _light_on_sensor(
     light = add_stray_light(light, horizontal_fov_rad=fov_rad, fraction=lens.stray_light)
     light = add_lens_ghosts(light, capture, exposure, conditions.atmosphere)
     light = apply_vignetting(light, exposure.focal_px, exposure.camera.vignetting)
-    # Distortion is last: all before it depends on the angle of a ray, all after it on the pixel.
-    return light if exposure.lens_map is None else exposure.lens_map.average(light)
+    # All before distortion depends on the angle of a ray, all after it on the pixel.
+    if exposure.lens_map is not None:
+        light = exposure.lens_map.average(light)
+    spread = exposure.camera.point_spread
+    return light if spread is None else spread_points(light, spread, exposure.focal_px)
