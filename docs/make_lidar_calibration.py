@@ -195,7 +195,7 @@ def format_page(comparisons: list[Comparison]) -> str:
 HEADING = """# LiDAR models against published figures
 
 Made by `python docs/make_lidar_calibration.py` from `docs/lidar_measurements.yaml`. Rows to *fit*
-have set a parameter of the [models' files](../library/nhtsa/lidars); rows to *test* are predicted.
+have set a parameter of the models' files, `library/nhtsa/lidars`; rows to *test* are predicted.
 `*` marks figures that are as commonly quoted, not read in the source.
 
 | figure | published | model | use | fits | source |
