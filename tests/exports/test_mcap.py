@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -36,10 +37,12 @@ def foxglove(
     path = export_dataset("mcap", recorded_dataset, output).output / NAME
     found: dict[str, list[Any]] = {}
     with path.open("rb") as stream:
-        opened = reader.make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
+        opened = reader.make_reader(stream, validate_crcs=True)
         assert {one.compression for one in opened.get_summary().chunk_indexes} == {"zstd"}
         for schema, channel, message in opened.iter_messages():
             decoded = json.loads(message.data) if schema.encoding == "jsonschema" else None
+            if decoded is not None:
+                jsonschema.validate(decoded, json.loads(schema.data))
             found.setdefault(channel.topic, []).append((schema.name, message.log_time, decoded))
     with path.open("rb") as stream:
         opened = reader.make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
