@@ -48,6 +48,19 @@ RANGE_M = 200.0
 SPEC = Path("compiled/ui_clear_day_dense.json")
 
 
+EFFECTS: dict[str, dict[str, Any]] = {
+    "range noise by signal": {"range_noise_m": 0.02, "range_noise_model": "signal"},
+    "reflectivity levels": {"receiver": {"white_level": 100}},
+    "gain control": {"receiver": {"near_field_m": 30}},
+    "field of view": {"receiver": {"field_of_view_mrad": 3}},
+    "stray light": {"receiver": {"stray_light_db": -50}},
+    "dual returns": {"echoes": "dual"},
+    "motion": {"motion_distortion": True},
+    "7 sub-rays": {"sub_rays": 7},
+}
+"""Fields of a LiDAR whose cost is measured one by one, against a LiDAR without."""
+
+
 class LidarScene(BenchmarkScene):
     """All sensors of a scenario, and a ray caster."""
 
@@ -62,9 +75,11 @@ class LidarScene(BenchmarkScene):
             self.caster.place(frame)
         return frames
 
-    def count_points(self, agent: Agent, frame: Frame, air: LidarConditions) -> int:
-        """Scan with a sensor and count the points."""
-        lidar = agent.sensors.lidar
+    def count_points(
+        self, agent: Agent, frame: Frame, air: LidarConditions, lidar: Lidar | None = None
+    ) -> int:
+        """Scan with an agent's sensor, or another one in its place, and count the points."""
+        lidar = lidar or agent.sensors.lidar
         is_roadside = isinstance(agent.place, RoadsideUnit)
         self.caster.place(frame, frozenset() if is_roadside else frozenset({agent.number}))
         pose = self.poses.world_from_lidars(agent, frame)[0]
@@ -168,10 +183,29 @@ def run_benchmark(*, quick: bool) -> list[Measurement]:
         found.append(
             Measurement(f"LiDAR, {weather.id}", ratio, "rate of Embree alone", at_least=0.5)
         )
+    effects = measure_effects(scene, frames[WARM_UP])
+    found += [
+        Measurement(f"LiDAR, {name}", ratio, "time of a scan without")
+        for name, ratio in effects.items()
+    ]
     if find_spec("open3d"):
         ratio = statistics.median(_measure_against_open3d(scene, item) for item in frames[WARM_UP:])
         found.append(Measurement("LiDAR, none", ratio, "rate of Open3D's caster", at_least=0.5))
     return found
+
+
+def measure_effects(scene: LidarScene, frame: Frame) -> dict[str, float]:
+    """Measure the time of the ego's scan in fog with each effect, relative to one without."""
+    air, ego = derive_conditions(find_weather("fog_day").declaration), scene.spec.agents[0]
+    plain = ego.sensors.lidar
+
+    def measure(fields: dict[str, Any]) -> float:
+        lidar = Lidar.model_validate(plain.model_dump() | fields)
+        scene.count_points(ego, frame, air, lidar)
+        return measure_min_cpu_s(lambda: scene.count_points(ego, frame, air, lidar))
+
+    without_s = measure({})
+    return {name: measure(fields) / without_s for name, fields in EFFECTS.items()}
 
 
 def measure_rounds(scene: LidarScene, frames: list[Frame], weather: Weather) -> list[LidarRound]:
@@ -251,6 +285,9 @@ def main() -> None:
     options = parser.parse_args()
     scene = LidarScene(options.spec)
     print_table(scene, options.rounds)
+    print("\n| effect | time of a scan in fog |\n|---|---|")
+    for name, ratio in measure_effects(scene, scene.load_frames(1)[0]).items():
+        print(f"| {name} | {ratio:.2f} |")
     if options.frames:
         print_memory(scene, options.frames)
 
