@@ -12,6 +12,7 @@ import pytest
 from advercity_dsl import Spec
 
 import advercity
+from advercity.benchmark.detector.clouds import check_frames, load_clouds
 from advercity.compiler.crossing import compile_library
 from advercity.dataset.reader import FrameView, Scenario
 from advercity.dataset.received_messages import load_sent_messages
@@ -89,6 +90,30 @@ def plain(library: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (spec,) = compile_library(copied)
     run_scenario(spec, make_options(root))
     return root / spec.id
+
+
+def test_a_detector_gets_what_has_arrived_where_its_sender_believed_to_be(dataset: Path) -> None:
+    scenario, arrived = Scenario(dataset), 0
+    check_frames(list(scenario), "late", is_ideal=False)
+    with pytest.raises(InputError, match="channel 'tested' sends no data, in which early fusion"):
+        check_frames(list(scenario), "early", is_ideal=False)
+    for frame in scenario:
+        ego = scenario.spec.ego.id
+        own, *others = load_clouds(frame, "late", is_ideal=False)
+        received = {
+            message.sender: message
+            for message in frame.messages(ego)
+            if message.kind == MessageKind.CPM
+        }
+        assert {cloud.view.agent.id for cloud in others} == set(received)
+        for cloud in others:
+            message = received[cloud.view.agent.id]
+            assert cloud.view.index == frame.index - round(message.age_s / 0.1) < frame.index
+            place = frame[ego].world_from_lidar @ cloud.ego_from_station
+            np.testing.assert_allclose(place[:2, 3], message.world_from_lidar[:2, 3], atol=0.02)
+            arrived += 1
+        assert own.view.agent.id == ego
+    assert arrived >= 3
 
 
 def write_library(folder: Path, channel: str = CHANNEL, suite: str = SUITE) -> Path:

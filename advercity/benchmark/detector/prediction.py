@@ -17,6 +17,7 @@ from advercity.errors import InputError
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.poses import Matrix
+from advercity.output_files import check_output
 
 _TRAINED_BY: dict[Fusion, Fusion] = {"late": "none", "early": "none"}
 """What else a detector may have been trained with: it sees the boxes or the points of others."""
@@ -47,8 +48,9 @@ def predict_dataset(
         device: As PyTorch names it.
 
     Raises:
-        InputError: The detector or the dataset cannot be used.
+        InputError: The detector or the dataset cannot be used, or the file may not be replaced.
     """
+    check_output(output)
     place = select_device(device)
     network, record = load_detector(detector)
     fusion = fusion or record.fusion
