@@ -114,7 +114,9 @@ def measure_red_s(trace: Trace, road: Road | Net, number: int) -> float | None:
     """
     track = Track.of(trace, number)
     for column, name in enumerate(trace.signal_ids):
-        junction, street = name.split("/")
+        junction, street, *crossing = name.split("/")
+        if crossing or street.startswith(":"):  # for pedestrians
+            continue
         end, heading, half_m = (
             find_arm_end(road, street, junction)
             if isinstance(road, Net)

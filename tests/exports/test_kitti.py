@@ -1,6 +1,7 @@
 """The KITTI layout: frames by hand, and what readers of others make of it."""
 
 import csv
+import hashlib
 import json
 import math
 import shutil
@@ -38,6 +39,16 @@ def read_matrix(folder: Path, key: str, sample: str = "000000") -> NDArray[np.fl
     return np.reshape([float(number) for number in numbers], (3, -1))
 
 
+def record_as_they_are(scenario: Path, paths: list[str]) -> None:
+    """Write what these files are now into the manifest."""
+    document = json.loads((scenario / "manifest.json").read_text())
+    for path in paths:
+        content = (scenario / path).read_bytes()
+        record = {"size": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+        document["files"][path] |= record
+    (scenario / "manifest.json").write_text(json.dumps(document))
+
+
 def test_a_car_ahead_to_the_left_has_the_label_that_was_computed_by_hand(
     two_roads: Path, tmp_path: Path
 ) -> None:
@@ -61,6 +72,7 @@ def test_a_car_ahead_to_the_left_has_the_label_that_was_computed_by_hand(
         "occlusion": 0.5,
     }
     stem.with_name("000060_objects.json").write_text(json.dumps(extras))
+    record_as_they_are(scenario, ["+101/000060.yaml", "+101/000060_objects.json"])
 
     folder = export_dataset("kitti", scenario, tmp_path / "exports" / "kitti").output
 

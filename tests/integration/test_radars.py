@@ -85,7 +85,7 @@ def test_a_spec_without_radars_does_not_mention_them(spec: Spec) -> None:
             "range_m: 3",
             "radars.yaml:8:14: vehicle.radar.range_m: 3 m is outside the range of 5 to 500 m",
         ),
-        ("bandwidth_mhz: 1 m", "'m' is a unit of length; units of frequency: MHz, GHz"),
+        ("bandwidth_mhz: 1 m", "'m' is a unit of length; units of frequency: Hz, kHz, MHz, GHz"),
         ("bounces: 4", "vehicle.radar.bounces"),
     ],
 )

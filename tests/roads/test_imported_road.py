@@ -1,5 +1,6 @@
 """Lanes, meshes and signals of roads that are imported from maps."""
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -127,13 +128,29 @@ def test_every_approach_to_imported_signals_has_a_head_that_faces_it(
     road = build_road(crossroads.road)
     groups = read_signal_groups(write_sumo_network(crossroads.road, tmp_path))
 
-    assert len(road.traffic_lights) == 4
-    for head in road.traffic_lights:
+    over_roads = [head for head in road.traffic_lights if head.governs == "vehicles"]
+    assert len(over_roads) == 4
+    for head in over_roads:
         assert head.id in groups
         # Traffic comes from the side that the head looks to, and stops short of the crossing.
         assert np.dot(head.position_m[:2], head.facing) < -5
         assert not shapely.Point(head.mast_foot_m).within(road.roadway_level_area)
         assert 5 < head.position_m[2] < 7
+
+
+def test_crossings_of_imported_signals_have_two_heads_off_the_roadway(
+    crossroads: Spec, tmp_path: Path
+) -> None:
+    road = build_road(crossroads.road)
+    groups = read_signal_groups(write_sumo_network(crossroads.road, tmp_path))
+    at_crossings = [head for head in road.traffic_lights if head.governs == "pedestrians"]
+
+    assert Counter(head.id for head in at_crossings) == {
+        name: 2 for name in groups if name.endswith("/crossing")
+    }
+    assert len(at_crossings) == 8
+    for head in at_crossings:
+        assert not shapely.Point(head.mast_foot_m).within(road.roadway_level_area)
 
 
 def test_the_plan_of_an_imported_road_shows_it(crossroads: Spec) -> None:
