@@ -201,8 +201,8 @@ class IndexWriter:
         index = DatasetIndex.load(self._dataset)
         if index is None:
             return
-        manifest = read_bytes(self._dataset / name / MANIFEST_FILE, max_bytes=MAX_JSON_BYTES)
-        if missing_frames or not index.matches_manifest(name, manifest):
+        manifest = self._read_manifest(name)
+        if missing_frames or manifest is None or not index.matches_manifest(name, manifest):
             self._update({name: IndexEntry.from_manifest_text(self._specs[name], None)})
 
     def record_result(self, name: str, *, failed: bool, refused: bool = False) -> None:
@@ -211,11 +211,16 @@ class IndexWriter:
         A run that failed was `refused` if it ended before it began to make frames.
         """
         if self._dataset.is_dir():
-            path = self._dataset / name / MANIFEST_FILE
-            text = read_bytes(path, max_bytes=MAX_JSON_BYTES) if path.exists() else None
-            spec = self._specs[name]
+            text, spec = self._read_manifest(name), self._specs[name]
             entry = IndexEntry.from_manifest_text(spec, text, failed=failed, refused=refused)
             self._update({name: entry})
+
+    def _read_manifest(self, name: str) -> bytes | None:
+        """Read the manifest of a scenario; None if it has none, or a user has deleted it."""
+        path = self._dataset / name / MANIFEST_FILE
+        with report_disk_errors(path), suppress(FileNotFoundError):
+            return read_bytes(path, max_bytes=MAX_JSON_BYTES)
+        return None
 
     def _update(self, entries: Mapping[str, IndexEntry]) -> None:
         path = self._dataset / INDEX_FILE

@@ -19,7 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from advercity.errors import InputError, RunError
 from advercity.geometry.mesh import extract_polygons
 from advercity.geometry.polyline import Points, StationedPolyline, offset_polyline
-from advercity.roads.streets import approach_name
+from advercity.roads.streets import approach_name, name_crossing_signal
 from advercity.roads.sumo_xml import unpack_network
 
 DEFAULT_LANE_WIDTH_M = 3.2
@@ -256,7 +256,7 @@ class SumoNetwork:
         for link in self.connections:
             crossing = crossings.get(link.to_edge)
             if crossing is not None and link.traffic_light:
-                yield f"{link.traffic_light}/{_name_crossing(crossing)}", crossing, link
+                yield _name_signal(link.traffic_light, crossing), crossing, link
 
 
 def read_network(path: Path) -> SumoNetwork:
@@ -317,10 +317,10 @@ def read_signal_groups(path: Path) -> dict[str, list[tuple[str, int]]]:
     return {name: sorted({*links}) for name, links in groups.items()}
 
 
-def _name_crossing(crossing: SumoEdge) -> str:
+def _name_signal(light: str, crossing: SumoEdge) -> str:
     first = next(iter(crossing.crossed_edges), "")
     street = approach_name(first)
-    return crossing.id if street == first else f"{street}/crossing"
+    return f"{light}/{crossing.id}" if street == first else name_crossing_signal(light, street)
 
 
 def _parse_edge(item: Element) -> SumoEdge:

@@ -20,7 +20,7 @@ from advercity.roads.layout import RoadLayout, lay_out_road
 from advercity.roads.pedestrian_lights import place_pedestrian_lights
 from advercity.roads.road_meshes import KERB_HEIGHT_M, build_road_meshes, is_asphalt
 from advercity.roads.signals import TrafficLight, TrafficSign
-from advercity.roads.streets import StreetLayout, StripLayout
+from advercity.roads.streets import StreetLayout, StripLayout, name_crossing_signal
 
 
 class RoadNetwork(Protocol):
@@ -146,7 +146,7 @@ class AuthoredRoadNetwork:
             if signals:
                 middle = junction.roadway_outline[:, :2].mean(axis=0)
                 for crossing in junction.crossings:
-                    name = f"{junction.id}/{crossing.street}/crossing"
+                    name = name_crossing_signal(junction.id, crossing.street)
                     found += place_pedestrian_lights(
                         name, crossing.centre, crossing.width_m, middle
                     )

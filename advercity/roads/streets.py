@@ -178,6 +178,11 @@ def approach_name(edge: str) -> str:
         return edge
 
 
+def name_crossing_signal(light: str, street: str) -> str:
+    """Name the signal of those who walk over a street at a traffic light."""
+    return f"{light}/{street}/crossing"
+
+
 def edge_strips(street: StreetLayout, *, along: bool) -> tuple[StripLayout, ...]:
     """List the strips of an edge from the innermost driving lane, else sidewalk, outwards."""
     strips = street.strips_in_direction(along=along)

@@ -137,6 +137,17 @@ def test_a_run_that_ends_before_it_makes_frames_leaves_the_records_of_scenarios(
     assert (tmp_path / INDEX_FILE).read_bytes() == before
 
 
+def test_a_scenario_that_is_deleted_while_its_run_starts_awaits_its_result(
+    spec: Spec, make: Make, tmp_path: Path
+) -> None:
+    make(tmp_path, spec, 1)
+    index = IndexWriter(tmp_path, [spec])
+    end(index, spec)
+    shutil.rmtree(tmp_path / spec.id)
+    index.record_start(spec.id, missing_frames=0)
+    assert states(tmp_path) == {spec.id: "waiting"}
+
+
 def test_a_scenario_whose_manifest_a_run_has_changed_awaits_its_result(
     spec: Spec, make: Make, tmp_path: Path
 ) -> None:
