@@ -1,10 +1,15 @@
-"""Kills a run at random moments, and compares the resumed result with that of an undisturbed run.
+"""Kills commands at random moments, and compares the resumed result with an undisturbed one.
 
-    python benchmarks/kill_and_resume.py [SPEC] [--kills 20] [--frames 12] [--backend sapien]
+    python benchmarks/kill_and_resume.py [SPEC] [--kills 20] [--other-kills 0] [--frames 12]
+        [--backend sapien]
 
 The same command is started again after each kill; when it ends, the trees are compared and the next
-series starts from an empty folder. Exit code 1 if any of them differs or `verify` finds a problem.
-Only the run's own process is killed (SIGKILL); its `--jobs` workers notice that by themselves.
+series starts from an empty folder. Exit code 1 if any of them differs, `verify` finds a problem, or
+a file of others, which is put among those of the command after each kill, is lost. Only the
+command's own process is killed (SIGKILL); workers of `--jobs` notice that by themselves.
+
+`--kills` are those of `run`, `--other-kills` those of each other command that writes: they work on
+the dataset of the undisturbed run.
 """
 
 import argparse
@@ -17,9 +22,24 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from advercity.dataset.verification import verify_dataset
+from advercity.exports.export_folder import is_export, verify_export
+
+DATASET, OUTPUT = "DATASET", "OUTPUT"
+"""What stands for the folder of the undisturbed run, and for the one that a command writes."""
+OTHER_COMMANDS = (
+    *(f"export {name} DATASET --output OUTPUT" for name in ("kitti", "nuscenes", "mcap")),
+    *(f"export {name} DATASET --output OUTPUT" for name in ("openscenario", "webdataset")),
+    "split DATASET --output OUTPUT",
+    "stats DATASET --output OUTPUT",
+    "video DATASET --output OUTPUT --kind mosaic",
+    "compile library --output OUTPUT",
+    "schema --output OUTPUT",
+)
+STRANGER = "notes_of_others.txt"
 
 
 def main() -> int:
@@ -27,40 +47,60 @@ def main() -> int:
     arguments = _arguments()
     moments = random.Random(arguments.seed)
     with tempfile.TemporaryDirectory() as folder:
-        whole, killed = Path(folder) / "whole", Path(folder) / "killed"
-        begin = time.perf_counter()
-        subprocess.run(_build_command(arguments, whole), check=True, stdout=subprocess.DEVNULL)
-        whole_s = time.perf_counter() - begin
-        print(f"undisturbed: {whole_s:.1f} s, {len(_hash_tree(whole))} files")
-        kills, wrong, series = 0, 0, 1
-        while kills < arguments.kills:
-            delay_s = moments.uniform(0.3, 0.95) * whole_s
-            begin = time.perf_counter()
-            if _run_and_kill(_build_command(arguments, killed), delay_s):
-                kills += 1
-                print(
-                    f"kill {kills}: after {delay_s:.1f} s, {_format_progress(killed)}", flush=True
-                )
-            else:
-                # The machine may be less busy than during the first run.
-                whole_s = max(0.8 * whole_s, time.perf_counter() - begin)
-                wrong += _has_differences(killed, whole)
-                series += 1
-                shutil.rmtree(killed)
-        subprocess.run(_build_command(arguments, killed), check=True, stdout=subprocess.DEVNULL)
-        wrong += _has_differences(killed, whole)
-        print(f"{kills} kills in {series} series, {wrong} of them different")
+        dataset = Path(folder) / "dataset"
+        run = _build_run_arguments(arguments)
+        wrong = _kill_command(run, dataset, arguments.kills, moments)
+        if arguments.other_kills:
+            for command in OTHER_COMMANDS:
+                words = command.replace(DATASET, str(dataset)).split()
+                whole = Path(folder) / "other"
+                wrong += _kill_command(words, whole, arguments.other_kills, moments)
+                shutil.rmtree(whole)
     return min(1, wrong)
 
 
-def _build_command(arguments: argparse.Namespace, output: Path) -> list[str]:
+def _kill_command(
+    command: Sequence[str], whole: Path, wanted_kills: int, moments: random.Random
+) -> int:
+    """Run a command into `whole`, kill it elsewhere, and return how many results differ."""
+    killed = whole.with_name("killed")
+    begin = time.perf_counter()
+    subprocess.run(_build_command(command, whole), check=True, stdout=subprocess.DEVNULL)
+    whole_s = time.perf_counter() - begin
+    print(f"{' '.join(command[:2])}: {whole_s:.1f} s, {len(_hash_tree(whole))} files", flush=True)
+    kills, wrong, series, has_stranger = 0, 0, 1, False
+    while kills < wanted_kills:
+        delay_s = moments.uniform(0.3, 0.95) * whole_s
+        begin = time.perf_counter()
+        if _run_and_kill(_build_command(command, killed), delay_s):
+            kills += 1
+            print(f"kill {kills}: after {delay_s:.1f} s, {_format_progress(killed)}", flush=True)
+            has_stranger = _add_stranger(killed) or has_stranger
+        else:
+            # The machine may be less busy than during the first run.
+            whole_s = max(0.8 * whole_s, time.perf_counter() - begin)
+            wrong += _has_differences(killed, whole, has_stranger)
+            series, has_stranger = series + 1, False
+            shutil.rmtree(killed)
+    subprocess.run(_build_command(command, killed), check=True, stdout=subprocess.DEVNULL)
+    wrong += _has_differences(killed, whole, has_stranger)
+    shutil.rmtree(killed)
+    print(f"{kills} kills in {series} series, {wrong} of them different", flush=True)
+    return wrong
+
+
+def _build_run_arguments(arguments: argparse.Namespace) -> list[str]:
     return [
-        *(sys.executable, "-c", "from advercity.cli import main; main()"),
-        *("run", str(arguments.spec), "--output", str(output), "--jobs", str(arguments.jobs)),
+        *("run", str(arguments.spec), "--output", OUTPUT, "--jobs", str(arguments.jobs)),
         *("--profile", "preview", "--scale", str(arguments.scale)),
         *("--backend", arguments.backend),
         *("--frames", f"0:{arguments.frames}"),
     ]
+
+
+def _build_command(command: Sequence[str], output: Path) -> list[str]:
+    words = [str(output) if word == OUTPUT else word for word in command]
+    return [sys.executable, "-c", "from advercity.cli import main; main()", *words]
 
 
 def _run_and_kill(command: list[str], delay_s: float) -> bool:
@@ -77,24 +117,42 @@ def _run_and_kill(command: list[str], delay_s: float) -> bool:
     return False
 
 
-def _has_differences(killed: Path, whole: Path) -> bool:
-    """Whether the trees differ, or `verify` finds a problem."""
-    problems = verify_dataset(killed)
-    differ = _hash_tree(killed) != _hash_tree(whole)
-    print(f"done: {len(problems)} problems, {'DIFFERENT' if differ else 'equal'}")
+def _add_stranger(folder: Path) -> bool:
+    """Put a file of others into a folder that a command has claimed; False if it has not yet.
+
+    An export refuses a folder with files of others and no manifest.
+    """
+    is_claimed = any(
+        path.is_file() for pattern in ("*", "*/manifest.json") for path in folder.glob(pattern)
+    )
+    if is_claimed:
+        (folder / STRANGER).write_text("of others")
+    return is_claimed
+
+
+def _has_differences(killed: Path, whole: Path, has_stranger: bool) -> bool:
+    """Whether the trees differ, a file of others has changed, or `verify` finds a problem."""
+    found = verify_export(killed)[0] if is_export(killed) else []
+    if any(killed.glob("*/manifest.json")):
+        found = verify_dataset(killed)
+    problems = [problem for problem in found if problem.is_damage]
+    is_lost = has_stranger and (killed / STRANGER).read_text() != "of others"
+    differ = _hash_tree(killed) != _hash_tree(whole) or is_lost
+    print(f"done: {len(problems)} problems, {'DIFFERENT' if differ else 'equal'}", flush=True)
     return differ or bool(problems)
 
 
 def _format_progress(root: Path) -> str:
     frames = {path.name[:6] for path in root.glob("*/*/[0-9]*.yaml")}
-    return f"{len(frames)} frames"
+    return f"{len(frames)} frames, {len(_hash_tree(root))} files"
 
 
 def _hash_tree(root: Path) -> dict[str, str]:
+    """Hash the files of a folder, without that of others; links as what they lead to."""
     return {
         str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in root.rglob("*")
-        if path.is_file()
+        if path.is_file() and path.name != STRANGER
     }
 
 
@@ -102,6 +160,7 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("spec", type=Path, nargs="?", default="compiled/ui_fog_day_sparse.json")
     parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--other-kills", type=int, default=0)
     parser.add_argument("--frames", type=int, default=12)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--backend", default="sapien")
