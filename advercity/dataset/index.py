@@ -25,6 +25,7 @@ from advercity.dataset.partial_files import (
 )
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
+    SPLITS_FILE,
     check_folders_are_no_links,
     check_is_outside_datasets,
     find_scenarios_by_name,
@@ -239,7 +240,6 @@ class IndexWriter:
 
 PUBLISHED_SPLITS = {"train": ("ri", "rsnj", "unj"), "validate": ("rcnj",), "test": ("ui",)}
 """Roads by split, as Adver-City was published."""
-SPLITS_FILE = "splits.json"
 _SPLITS = TypeAdapter(dict[str, list[str]])
 
 

@@ -13,6 +13,9 @@ from advercity.documents import suggest_path
 from advercity.errors import InputError, RunError
 
 MANIFEST_FILE = "manifest.json"
+PROTOCOL_FILE = "data_protocol.yaml"  # name that OPV2V has for it
+SPLITS_FILE = "splits.json"
+STAGING_FOLDER = ".staging"
 MANIFEST_VERSION: Final = 5
 """Version of the manifest's fields that this code writes and reads."""
 
@@ -64,7 +67,7 @@ def find_staging_folder(scenario: Path) -> Path:
     """
     # `Path.is_symlink` fails in a folder that may not be read, which the caller is to report.
     real = scenario.resolve() if os.path.islink(scenario) else scenario  # noqa: PTH114
-    return real.parent / ".staging" / real.name
+    return real.parent / STAGING_FOLDER / real.name
 
 
 def check_folders_are_no_links(scenario: Path, folders: Iterable[str]) -> None:
@@ -99,13 +102,44 @@ def check_is_outside_datasets(output: Path) -> None:
     for path in (output.absolute(), output.resolve()):
         if _is_dataset_or_scenario(path):
             raise InputError(f"`output` {output}: is a dataset; name a folder beside it")
-        if any(_is_dataset_or_scenario(parent) for parent in path.parents[:2]):
+        if any(_is_dataset_or_scenario(parent) or _has_splits(parent) for parent in path.parents):
             raise InputError(f"`output` {output}: is in a dataset; name a folder beside it")
 
 
+def check_is_outside_scenarios(output: Path) -> None:
+    """Check that a folder for a dataset is not in a scenario, nor among unfinished files.
+
+    Loaders of OPV2V would take the new dataset for an agent, or its files for frames.
+
+    Raises:
+        InputError: It is.
+    """
+    for path in (output.absolute(), output.resolve()):
+        for folder in (path, *path.parents):
+            if is_scenario(folder):
+                place, dataset = "in a scenario", folder.parent
+            elif folder.name == STAGING_FOLDER and _is_dataset_or_scenario(folder.parent):
+                place, dataset = "among the unfinished files", folder.parent
+            else:
+                continue
+            raise InputError(
+                f"`output` {output}: is {place} of another dataset; name that dataset, {dataset},"
+                " or another folder"
+            )
+
+
+def is_scenario(folder: Path) -> bool:
+    """Return whether a folder is a scenario; programs of others have manifests of that name."""
+    return all((folder / name).is_file() for name in (MANIFEST_FILE, PROTOCOL_FILE))
+
+
 def _is_dataset_or_scenario(folder: Path) -> bool:
-    manifests = (folder / MANIFEST_FILE, *folder.glob(f"*/{MANIFEST_FILE}"))
-    return any(path.is_file() for path in manifests)
+    found = (folder, *(path.parent for path in folder.glob(f"*/{MANIFEST_FILE}")))
+    return any(map(is_scenario, found))
+
+
+def _has_splits(folder: Path) -> bool:
+    return (folder / SPLITS_FILE).is_file() and any(folder.glob(f"*/*/{PROTOCOL_FILE}"))
 
 
 def find_journals(scenario: Path) -> list[Path]:

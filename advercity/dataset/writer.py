@@ -40,6 +40,7 @@ from advercity.dataset.partial_files import (
 )
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
+    PROTOCOL_FILE,
     check_folders_are_no_links,
     find_staging_folder,
     no_dataset_to_replace_error,
@@ -50,7 +51,6 @@ from advercity.sensors.sensor_frame import SensorFrame
 
 _logger = logging.getLogger(__name__)
 
-PROTOCOL_FILE = "data_protocol.yaml"  # name that OPV2V has for it
 ATTRIBUTION_FILE = "ATTRIBUTION.md"
 SCENARIO_FILES = {PROTOCOL_FILE, ATTRIBUTION_FILE}
 """Files that belong to no frame."""

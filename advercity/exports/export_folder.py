@@ -27,7 +27,7 @@ from advercity.dataset.partial_files import (
     report_disk_errors,
     set_aside,
 )
-from advercity.dataset.scenario_folders import check_is_outside_datasets
+from advercity.dataset.scenario_folders import STAGING_FOLDER, check_is_outside_datasets
 from advercity.dataset.verification import (
     FileProblem,
     compare_with_records,
@@ -44,7 +44,6 @@ from advercity.exports.export_manifest import (
 )
 from advercity.exports.pieces import FrameListener, Piece, PieceFiles
 
-STAGING_FOLDER = ".staging"
 LOCK_FILE = f"{STAGING_FOLDER}/lock"
 JOURNAL_FILE = f"{STAGING_FOLDER}/journal.jsonl"
 

@@ -2,13 +2,14 @@
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 
 from advercity_dsl import DECLARATIONS
 
-from advercity.dataset.scenario_folders import MANIFEST_FILE
-from advercity.dataset.writer import PROTOCOL_FILE
+from advercity.dataset.index import INDEX_FILE
+from advercity.dataset.scenario_folders import MANIFEST_FILE, check_is_outside_scenarios
 from advercity.errors import InputError, describe_cause
 
 MAX_LISTED = 100
@@ -19,20 +20,16 @@ def check_output_folder(path: Path) -> None:
     """Check that a folder may hold a dataset.
 
     Raises:
-        InputError: It is a file, a library, in a scenario, or cannot exist.
+        InputError: It is a file, a library, in a scenario, the root or the home folder, or cannot
+            exist.
     """
     try:
         if path.exists() and not path.is_dir():
             raise InputError(f"`output` {path}: is a file; name a folder")
         if path.is_symlink() and not path.exists():
             raise InputError(f"`output` {path}: is a link to {path.readlink()}, which is not there")
-        # Loaders of OPV2V would take the new dataset for an agent, or its files for frames.
-        scenario = next(filter(_is_scenario, (path, path.parent)), None)
-        if scenario is not None:
-            raise InputError(
-                f"`output` {path}: is in a scenario of another dataset; name that dataset,"
-                f" {scenario.parent}, or another folder"
-            )
+        check_is_outside_scenarios(path)
+        _check_is_no_top_folder(path)
         declaration = next(filter(_is_declaration, _list_shallow_yaml_files(path)), None)
     except OSError as error:
         raise InputError(f"`output` {path!s:.60}: {describe_cause(error)}") from error
@@ -43,8 +40,16 @@ def check_output_folder(path: Path) -> None:
         )
 
 
-def _is_scenario(path: Path) -> bool:
-    return all((path / name).is_file() for name in (MANIFEST_FILE, PROTOCOL_FILE))
+def _check_is_no_top_folder(path: Path) -> None:
+    """Refuse to fill the root of the file system, or somebody's home, with scenarios."""
+    if (path / INDEX_FILE).exists():
+        return  # it has a dataset by now, which goes on
+    tops = {Path(path.absolute().anchor): "the root of the file system"}
+    with suppress(RuntimeError):  # a user without a home
+        tops[Path.home().resolve()] = "your home folder"
+    name = tops.get(path.resolve())
+    if name is not None:
+        raise InputError(f"`output` {path}: is {name}; name a folder in it")
 
 
 def _list_shallow_yaml_files(folder: Path) -> Iterator[Path]:

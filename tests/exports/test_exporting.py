@@ -13,6 +13,7 @@ from advercity_dsl import Spec
 from advercity.atomic_files import format_partial_name
 from advercity.cli.datasets import EXPORT_FORMAT_NAMES
 from advercity.dataset.agent_view import AgentView
+from advercity.dataset.index import link_splits
 from advercity.dataset.partial_files import lock_scenario
 from advercity.dataset.reader import FrameView
 from advercity.dataset.writer import ScenarioWriter
@@ -235,7 +236,13 @@ def test_verify_says_how_each_kind_of_damage_is_mended(
     assert snapshot(output) == before | {f"{IMAGE}.kept": same_size}
 
 
-@pytest.mark.parametrize("place", ["", "kitti", "new/kitti", "ui_clear_night_dense/kitti", "link"])
+@pytest.mark.parametrize(
+    "place",
+    [
+        *("", "kitti", "new/kitti", "ui_clear_night_dense/kitti", "link"),
+        *(".staging/a/b/c", "ui_clear_night_dense/-1/a/b/kitti"),
+    ],
+)
 @pytest.mark.parametrize("by_link", [False, True])
 def test_nothing_is_exported_or_linked_into_a_dataset(
     advercity: Command, dataset: Path, tmp_path: Path, place: str, by_link: bool
@@ -251,6 +258,26 @@ def test_nothing_is_exported_or_linked_into_a_dataset(
         assert ": is in a dataset;" in done.err or ": is a dataset;" in done.err
     assert snapshot(dataset) == before
     assert list((tmp_path / "outside").iterdir()) == []
+
+
+@pytest.mark.parametrize("place", ["kitti", "train/kitti", "test/new/kitti"])
+def test_nothing_is_exported_among_splits(
+    advercity: Command, dataset: Path, tmp_path: Path, place: str
+) -> None:
+    splits = tmp_path / "splits"
+    link_splits(dataset, splits)
+    assert "is in a dataset" in refuse(advercity, "kitti", dataset, "--output", splits / place)
+    assert sorted(path.name for path in splits.iterdir()) == sorted(
+        ("splits.json", "test", "train", "validate")
+    )
+
+
+def test_a_manifest_of_another_program_makes_no_dataset_of_a_folder(
+    dataset: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site" / "manifest.json").write_text('{"manifest_version": 3}')
+    export_dataset("kitti", dataset / "ui_clear_night_dense", tmp_path / "exports" / "kitti")
 
 
 def test_a_link_to_a_place_in_a_dataset_is_refused(

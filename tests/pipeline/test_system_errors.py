@@ -33,10 +33,33 @@ def test_a_dataset_and_a_folder_of_other_things_are_places_for_one(
         check_output_folder(folder)
 
 
-@pytest.mark.parametrize("inside", ["", "+101", "new"])
+@pytest.mark.parametrize("inside", ["", "+101", "new", "+101/new/deeper"])
 def test_a_scenario_is_no_place_for_another_dataset(two_roads: Path, inside: str) -> None:
     with pytest.raises(InputError, match=rf"in a scenario .* name that dataset, {two_roads}, or"):
         check_output_folder(two_roads / "rcnj_fog_day_sparse" / inside)
+
+
+def test_the_folder_of_unfinished_files_is_no_place_for_a_dataset(two_roads: Path) -> None:
+    for inside in ("", "mine", "rcnj_fog_day_sparse/incoming"):
+        with pytest.raises(InputError, match=f"among the unfinished files .* {two_roads}, or"):
+            check_output_folder(two_roads / ".staging" / inside)
+
+
+def test_the_root_and_the_home_folder_are_no_places_for_a_dataset(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "link").symlink_to("/")
+    for path, name in (
+        (Path("/"), "the root of the file system"),
+        (tmp_path / "link", "the root of the file system"),
+        (tmp_path, "your home folder"),
+    ):
+        with pytest.raises(InputError, match=f"is {name}; name a folder in it"):
+            check_output_folder(path)
+    check_output_folder(tmp_path / "output")
+    (tmp_path / "index.json").touch()  # of a dataset that is there already, and goes on
+    check_output_folder(tmp_path)
 
 
 def test_a_link_to_nothing_is_no_place_for_a_dataset(tmp_path: Path) -> None:
