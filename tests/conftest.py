@@ -11,7 +11,7 @@ from advercity.frames import Trace
 from advercity.pipeline.cache import compute_traffic_key
 from advercity.pipeline.preparation import load_or_simulate_traffic
 
-pytest_plugins = ["tests.bend_network", "tests.builders"]
+pytest_plugins = ["tests.bend_network", "tests.builders", "tests.command_line"]
 
 ROOT = Path(__file__).parent.parent
 

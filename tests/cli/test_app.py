@@ -13,7 +13,7 @@ from advercity.compiler import write_specs
 from advercity.dataset.partial_files import lock_file
 from advercity.dataset.scenario_folders import find_staging_folder
 from advercity.pipeline import Progress
-from tests.cli.conftest import Command
+from tests.command_line import Command
 
 RUN_MAIN = "from advercity.cli import main; main()"
 

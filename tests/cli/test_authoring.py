@@ -12,7 +12,7 @@ from advercity_dsl import Spec
 
 from advercity.cli import main
 from advercity.compiler import write_specs
-from tests.cli.conftest import Command
+from tests.command_line import Command
 from tests.roads.imported_roads import AT_JUNCTION, DATA
 
 

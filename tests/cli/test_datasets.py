@@ -7,42 +7,29 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
-from advercity.cli import main
 from advercity.dataset.index import IndexWriter
 from advercity.dataset.writer import ScenarioWriter
 from tests.builders import TWO_ROADS_FRAMES, identify
-
-
-def command(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str | Path
-) -> tuple[int, str, str]:
-    """Exit code, data and messages of a command."""
-    monkeypatch.setattr("sys.argv", ["advercity", *map(str, arguments)])
-    with pytest.raises(SystemExit) as left:
-        main()
-    captured = capsys.readouterr()
-    return (left.value.code if isinstance(left.value.code, int) else 0), captured.out, captured.err
+from tests.command_line import Command
 
 
 @pytest.mark.parametrize("name", ["stats", "video", "sheet", "view"])
 def test_commands_explain_a_scenario_without_frames(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    advercity: Command,
     tmp_path: Path,
     spec: Spec,
     name: str,
 ) -> None:
     with ScenarioWriter(tmp_path, spec, identify(spec), length=TWO_ROADS_FRAMES) as writer:
         writer.finish()
-    code, out, err = command(monkeypatch, capsys, name, tmp_path / spec.id)
+    code, out, err = advercity(name, tmp_path / spec.id)
     assert (code, out) == (2, "")
     assert err.endswith("no frames here yet; `advercity run` with its spec makes them\n")
     assert len(err.splitlines()) == 1
 
 
 def test_verify_names_the_scenarios_that_the_index_lacks(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    advercity: Command,
     tmp_path: Path,
     spec: Spec,
 ) -> None:
@@ -50,16 +37,16 @@ def test_verify_names_the_scenarios_that_the_index_lacks(
         writer.finish()
     IndexWriter(tmp_path, [spec]).record_result(spec.id, failed=False)
     shutil.copytree(tmp_path / spec.id, tmp_path / "copy")
-    code, _, said = command(monkeypatch, capsys, "verify", tmp_path)
+    code, _, said = advercity("verify", tmp_path)
     assert code == 0
     assert said.endswith("; 1 scenario: 1 partial; not in index.json: copy\n")
 
 
 @pytest.mark.parametrize("name", ["verify", "repair", "stats", "video", "split", "sheet"])
 def test_commands_refuse_a_folder_without_a_dataset(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
+    advercity: Command, tmp_path: Path, name: str
 ) -> None:
-    code, out, err = command(monkeypatch, capsys, name, tmp_path)
+    code, out, err = advercity(name, tmp_path)
     assert (code, out) == (2, "")
     assert "so not a dataset" in err
     assert len(err.splitlines()) == 1
@@ -68,12 +55,12 @@ def test_commands_refuse_a_folder_without_a_dataset(
 
 @pytest.mark.parametrize("name", ["verify", "repair", "stats", "video", "split", "sheet", "view"])
 def test_commands_distinguish_a_missing_folder_and_a_file(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
+    advercity: Command, tmp_path: Path, name: str
 ) -> None:
     notes = tmp_path / "notes"
     notes.touch()
-    missing = command(monkeypatch, capsys, name, tmp_path / "no")
-    file = command(monkeypatch, capsys, name, notes)
+    missing = advercity(name, tmp_path / "no")
+    file = advercity(name, notes)
     assert missing == (
         2,
         "",
@@ -83,8 +70,7 @@ def test_commands_distinguish_a_missing_folder_and_a_file(
 
 
 def test_verify_escapes_the_names_of_foreign_files(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    advercity: Command,
     two_roads: Path,
     tmp_path: Path,
 ) -> None:
@@ -92,57 +78,54 @@ def test_verify_escapes_the_names_of_foreign_files(
         two_roads / "ui_clear_night_dense", tmp_path / "ui_clear_night_dense"
     )
     Path(os.fsdecode(bytes(scenario) + b"/\x1b[2J\n\xff")).touch()
-    code, out, err = command(monkeypatch, capsys, "verify", scenario)
+    code, out, err = advercity("verify", scenario)
     assert (code, err) == (0, "every file is as its manifest says\n")
     assert out == f"{scenario}/\\x1b[2J\\n\\udcff: not part of the dataset\n"
 
 
 def test_statistics_of_a_dataset_with_a_damaged_manifest_are_refused_with_its_place(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    advercity: Command, tmp_path: Path
 ) -> None:
     manifest = tmp_path / "scenario" / "manifest.json"
     manifest.parent.mkdir()
     manifest.write_bytes(b'{"identity": "\xff"}')
-    code, out, err = command(monkeypatch, capsys, "stats", tmp_path, "--output", tmp_path / "out")
+    code, out, err = advercity("stats", tmp_path, "--output", tmp_path / "out")
     assert (code, out) == (2, "")
     assert err == f"error: {manifest}:1:15: is not UTF-8 text; save it as UTF-8\n"
 
 
 @pytest.mark.parametrize("name", ["sheet", "view"])
 def test_commands_on_one_scenario_list_those_of_a_dataset(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    advercity: Command,
     two_roads: Path,
     name: str,
 ) -> None:
-    code, out, err = command(monkeypatch, capsys, name, two_roads)
+    code, out, err = advercity(name, two_roads)
     assert (code, out) == (2, "")
     assert "name one of its scenarios: rcnj_fog_day_sparse, ui_clear_night_dense" in err
 
 
 @pytest.mark.parametrize("name", ["stats", "video", "split"])
 def test_an_output_that_is_a_file_is_refused(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    advercity: Command,
     two_roads: Path,
     tmp_path: Path,
     name: str,
 ) -> None:
     notes = tmp_path / "notes"
     notes.write_text("mine")
-    code, out, err = command(monkeypatch, capsys, name, two_roads, "--output", notes)
+    code, out, err = advercity(name, two_roads, "--output", notes)
     assert (code, out) == (2, "")
     assert "is a file" in err
     assert notes.read_text() == "mine"
 
 
 def test_commands_print_what_they_wrote(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    advercity: Command,
     tmp_path: Path,
     two_roads: Path,
 ) -> None:
-    code, out, err = command(monkeypatch, capsys, "split", two_roads, "--output", tmp_path)
+    code, out, err = advercity("split", two_roads, "--output", tmp_path)
     assert (code, err) == (0, "")
     assert out.splitlines() == [
         f"{tmp_path / 'train'}: 0",
@@ -150,9 +133,7 @@ def test_commands_print_what_they_wrote(
         f"{tmp_path / 'test'}: 1",
     ]
     videos = tmp_path / "videos"
-    code, out, _ = command(
-        *(monkeypatch, capsys, "video", tmp_path / "test", "--kind", "lidar", "--output", videos)
-    )
+    code, out, _ = advercity("video", tmp_path / "test", "--kind", "lidar", "--output", videos)
     assert (code, out.strip()) == (0, str(videos / "ui_clear_night_dense_lidar.mp4"))
-    code, out, err = command(monkeypatch, capsys, "repair", two_roads)
+    code, out, err = advercity("repair", two_roads)
     assert (code, out, err) == (0, "", "every file is as its manifest says\n")

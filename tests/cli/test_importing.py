@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from advercity.frames import Trace
-from tests.cli.conftest import Command
+from tests.command_line import Command
 from tests.recordings.recorded_files import (
     write_ind,
     write_interaction,

@@ -6,7 +6,7 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.compiler import write_specs
-from tests.cli.test_datasets import command
+from tests.command_line import Command
 
 COMMANDS = {
     "weather.schema.json": ["schema", "--output", "."],
@@ -24,8 +24,8 @@ COMMANDS = {
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_says_which_file_is_in_its_way_and_leaves_it(
+    advercity: Command,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
     specs: dict[str, Spec],
     two_roads: Path,
@@ -41,7 +41,7 @@ def test_a_command_says_which_file_is_in_its_way_and_leaves_it(
     arguments = [
         places.get(word, word).replace("DATASET", str(two_roads)) for word in COMMANDS[name]
     ]
-    code, _, err = command(monkeypatch, capsys, *arguments)
+    code, _, err = advercity(*arguments)
     assert (code, err.count("\n")) == (2, 1)
     assert f"{mine}: exists, and there is no record that advercity wrote it as it is" in err
     assert mine.read_text() == "mine"
@@ -49,12 +49,12 @@ def test_a_command_says_which_file_is_in_its_way_and_leaves_it(
 
 
 def test_the_same_command_runs_again(
+    advercity: Command,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
     two_roads: Path,
 ) -> None:
     arguments = ["sheet", str(two_roads / "rcnj_fog_day_sparse"), "--output", "new/sheet.png"]
     monkeypatch.chdir(tmp_path)
-    assert [command(monkeypatch, capsys, *arguments)[0] for _ in range(2)] == [0, 0]
+    assert [advercity(*arguments)[0] for _ in range(2)] == [0, 0]
     assert [path.name for path in Path("new").iterdir()] == ["sheet.png"]

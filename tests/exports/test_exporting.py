@@ -25,8 +25,7 @@ from advercity.exports.oxts import format_oxts
 from advercity.exports.registry import EXPORT_FORMATS
 from advercity.pipeline.progress import Progress
 from tests.builders import SensorFramesOf, identify, write_scenario
-from tests.cli.conftest import Command
-from tests.cli.conftest import advercity as advercity  # a fixture
+from tests.command_line import Command
 
 IMAGE = "training/image_2/000004.png"
 KILLED_EXPORT = """

@@ -9,7 +9,7 @@
 | 7 | equiangular quadrature against a brute-force march | here |
 | 8 | fog that thins with height | none: fog is homogeneous |
 | 9 | phase functions | here |
-| 10 | halo of a lamp in fog | here; rendered in `test_renderer.py` of the backend |
+| 10 | halo of a lamp in fog | here; rendered in `test_lamps.py` of the backend |
 | 11 | extinction of rain | `test_extinction.py` |
 | 12, 13, 14 | numbers, speed, streaks and slant of drops | `test_camera_falling_particles.py` |
 | 15, 16 | water films and Fresnel | `test_water.py` |

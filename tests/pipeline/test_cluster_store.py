@@ -10,12 +10,12 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity import open_dataset
-from advercity.cli import main
 from advercity.dataset.remote import upload_part, verify_store
 from advercity.dataset.store import LEASE_FILE, DatasetLease, DatasetStore
 from advercity.errors import InputError, RunError
 from advercity.pipeline import RunOptions, RunResources, raise_failures, run_scenarios
 from advercity.testing import RecordingListener
+from tests.command_line import Command
 from tests.requirements import require
 
 OptionsFor = Callable[[Path], RunOptions]
@@ -119,16 +119,12 @@ def test_a_store_that_refuses_is_an_error(bucket: str) -> None:
         verify_store(f"{bucket}/dataset")
 
 
-def test_a_dataset_in_a_store_is_read_after_copying_it(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_dataset_in_a_store_is_read_after_copying_it(advercity: Command) -> None:
     with pytest.raises(InputError, match="copy the dataset into a folder first"):
         open_dataset("s3://bucket/dataset")
-    monkeypatch.setattr("sys.argv", ["advercity", "stats", "s3://bucket/dataset"])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert "copy the dataset into a folder first" in capsys.readouterr().err
+    code, _, said = advercity("stats", "s3://bucket/dataset")
+    assert code == 2
+    assert "copy the dataset into a folder first" in said
 
 
 @pytest.fixture(params=["folder", "bucket"])

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
-from advercity.cli import main
 from advercity.errors import InputError, RunError
 from advercity.pipeline import RunOptions, RunResources, run_scenarios
 from advercity.pipeline.output_folder import check_output_folder
 from advercity.testing import RecordingListener
 from advercity.traffic.simulation import write_simulated_trace
+from tests.command_line import Command
 
 OptionsFor = Callable[[Path], RunOptions]
 
@@ -127,19 +127,13 @@ def test_a_full_temporary_folder_is_named(
     ],
 )
 def test_a_command_that_the_system_fails_says_so_in_one_line(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    error: Exception,
-    message: str,
+    monkeypatch: pytest.MonkeyPatch, advercity: Command, error: Exception, message: str
 ) -> None:
     def fail() -> None:
         raise error
 
     monkeypatch.setattr("advercity.pipeline.cache_entries.clear_cache", fail)
-    monkeypatch.setattr("sys.argv", ["advercity", "cache", "clear"])
-    with pytest.raises(SystemExit) as left:
-        main()
-    printed = capsys.readouterr().err
-    assert left.value.code == 1
-    assert printed.startswith(f"error: {message}")
-    assert len(printed.splitlines()) == 1
+    code, _, said = advercity("cache", "clear")
+    assert code == 1
+    assert said.startswith(f"error: {message}")
+    assert len(said.splitlines()) == 1

@@ -1,7 +1,6 @@
 """`advercity simulate`: traffic without sensors, and what it amounts to."""
 
 import json
-import sys
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -12,7 +11,6 @@ import shapely
 from advercity_dsl import Spec
 from advercity_dsl.conflict import OutcomeCriteria, StagedActor, StagedConflict
 
-from advercity.cli import main
 from advercity.compiler import write_specs
 from advercity.conflicts.achieved_parameters import measure_parameters
 from advercity.conflicts.metrics import ActorTrack
@@ -22,6 +20,7 @@ from advercity.frames import STATE_DTYPE, Actor, Trace
 from advercity.pipeline import RunOptions, preparation
 from advercity.pipeline.preparation import TrafficResult, load_or_simulate_traffic
 from advercity.pipeline.traffic_report import simulate_to_folder
+from tests.command_line import Command
 
 EGO = 101
 OTHER = 9001
@@ -35,22 +34,13 @@ def shortened(spec: Spec) -> Spec:
 
 @pytest.mark.sumo
 def test_simulate_writes_the_trace_its_report_and_a_video(
-    specs: dict[str, Spec],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-):
+    specs: dict[str, Spec], tmp_path: Path, advercity: Command
+) -> None:
     spec = shortened(specs["ri_clear_day_sparse"])
     path = tmp_path / "compiled" / f"{spec.id}.json"
     write_specs([spec], tmp_path / "compiled")
-    arguments = ["simulate", str(path), "--output", str(tmp_path / "out")]
-    monkeypatch.setattr(sys, "argv", ["advercity", *arguments])
-
-    with pytest.raises(SystemExit) as ended:
-        main()
-
-    assert ended.value.code in (0, None)
-
+    ran = advercity("simulate", path, "--output", tmp_path / "out")
+    assert ran.code == 0
     folder = tmp_path / "out" / spec.id
     assert sorted(one.name for one in folder.iterdir()) == ["plan.mp4", "report.json", "trace.npz"]
     told = json.loads((folder / "report.json").read_text())
@@ -63,7 +53,7 @@ def test_simulate_writes_the_trace_its_report_and_a_video(
         pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
     assert len(pictures) == 10
     assert np.ptp(pictures[0].astype(int), axis=(0, 1)).min() > 100
-    assert str(len(trace)) in capsys.readouterr().out
+    assert str(len(trace)) in ran.out
 
 
 @pytest.mark.sumo
@@ -90,7 +80,7 @@ def test_simulate_reports_what_succeeds_besides_what_fails(
     specs: dict[str, Spec],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    advercity: Command,
 ) -> None:
     bad, good = (shortened(specs[f"{road}_clear_day_sparse"]) for road in ("rcnj", "ri"))
 
@@ -101,15 +91,11 @@ def test_simulate_reports_what_succeeds_besides_what_fails(
 
     monkeypatch.setattr("advercity.pipeline.traffic_report.load_or_simulate_traffic", simulate)
     write_specs([bad, good], tmp_path / "compiled")
-    paths = [str(tmp_path / "compiled" / f"{spec.id}.json") for spec in (bad, good)]
-    arguments = ["simulate", *paths, "--output", str(tmp_path / "out"), "--no-video"]
-    monkeypatch.setattr(sys, "argv", ["advercity", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    captured = capsys.readouterr()
-    assert ended.value.code == 1
-    assert captured.err == f"error: {bad.id}: traffic simulation failed: no reason\n"
-    assert good.id in captured.out
+    paths = [tmp_path / "compiled" / f"{spec.id}.json" for spec in (bad, good)]
+    ran = advercity("simulate", *paths, "--output", tmp_path / "out", "--no-video")
+    assert ran.code == 1
+    assert ran.err == f"error: {bad.id}: traffic simulation failed: no reason\n"
+    assert good.id in ran.out
     assert (tmp_path / "out" / good.id / "report.json").exists()
 
 

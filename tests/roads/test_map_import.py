@@ -15,6 +15,7 @@ from advercity.roads.lane_graph import read_lane_graph
 from advercity.roads.map_import import import_map
 from advercity.roads.road_network import build_road
 from advercity.roads.sumo_network import write_sumo_network
+from tests.command_line import Command
 from tests.roads.imported_roads import CROSSROADS, DATA, compiled, declaration, vehicle
 
 
@@ -99,20 +100,12 @@ def test_broken_and_hostile_maps_are_reported_with_file_and_line(
     text: str,
     complaint: str,
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    advercity: Command,
 ) -> None:
-    from advercity.cli import main
-
     (tmp_path / "bad.map").write_text(text, encoding="utf-8")
     (tmp_path / "road.yaml").write_text(yaml.safe_dump(declaration(source, "bad.map")))
-    monkeypatch.setattr("sys.argv", ["advercity", "validate", str(tmp_path / "road.yaml")])
-
-    with pytest.raises(SystemExit) as left:
-        main()
-
-    said = capsys.readouterr().err
-    assert left.value.code == 2
+    code, _, said = advercity("validate", tmp_path / "road.yaml")
+    assert code == 2
     assert complaint in said
     assert "road.yaml:" in said
     assert "imported.file" in said

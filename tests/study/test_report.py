@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from advercity.cli import main
 from advercity.study.picture_features import IMAGENET_DEVIATION, IMAGENET_MEAN, load_network
+from tests.command_line import Command
 
 HINT = "no study is made; `scripts/setup_peers` installs scikit-learn"
 
@@ -58,16 +58,6 @@ def write_street(folder: Path, *, brightness: int) -> None:
         (folder / f"velodyne/{number}.bin").write_bytes(points.tobytes())
 
 
-def run(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str | Path
-) -> tuple[int, str, str]:
-    monkeypatch.setattr("sys.argv", ["advercity", "study", *map(str, arguments)])
-    with pytest.raises(SystemExit) as left:
-        main()
-    captured = capsys.readouterr()
-    return (left.value.code if isinstance(left.value.code, int) else 0), captured.out, captured.err
-
-
 def test_features_are_the_output_of_the_network_of_a_file(network: Path) -> None:
     picture = np.full((1, 224, 224, 3), [255, 51, 0], np.uint8)
     expected = (np.array([1.0, 0.2, 0.0]) - IMAGENET_MEAN) / IMAGENET_DEVIATION
@@ -88,12 +78,11 @@ def test_a_study_writes_tables_and_plots(
     tmp_path: Path,
     streets: tuple[Path, Path],
     network: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    advercity: Command,
 ) -> None:
     out = tmp_path / "study"
     options = "--network", network, "--output", out
-    code, printed, said = run(monkeypatch, capsys, f"ours={streets[0]}", streets[1], *options)
+    code, printed, said = advercity("study", f"ours={streets[0]}", streets[1], *options)
     assert (code, printed) == (0, f"{out}\n")
     assert "ours: kitti, 8 pictures, 8 sweeps" in said
     assert sorted(path.name for path in out.iterdir()) == [
@@ -115,31 +104,28 @@ def test_a_study_that_may_not_write_one_file_writes_none(
     tmp_path: Path,
     streets: tuple[Path, Path],
     network: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    advercity: Command,
 ) -> None:
     out = tmp_path / "study"
     out.mkdir()
     (out / "lidar.png").write_text("mine")
     options = "--network", network, "--output", out
-    code, _, said = run(monkeypatch, capsys, *streets, *options)
+    code, _, said = advercity("study", *streets, *options)
     assert (code, (out / "lidar.png").read_text()) == (2, "mine")
     assert "lidar.png: exists" in said
     assert [path.name for path in out.iterdir()] == ["lidar.png"]
 
 
-def test_what_cannot_be_studied_is_refused_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_studied_is_refused_in_one_line(tmp_path: Path, advercity: Command) -> None:
     write_street(tmp_path / "street", brightness=50)
-    alone = run(monkeypatch, capsys, tmp_path / "street")
-    unknown = run(
-        monkeypatch, capsys, f"a={tmp_path / 'street'}", tmp_path / "street", "--network", "resnet"
+    alone = advercity("study", tmp_path / "street")
+    unknown = advercity(
+        "study", f"a={tmp_path / 'street'}", tmp_path / "street", "--network", "resnet"
     )
-    assert alone[2].endswith(
+    assert alone.err.endswith(
         "error: no two of these folders have pictures, or LiDAR sweeps, to compare\n"
     )
-    assert unknown[2].endswith(
+    assert unknown.err.endswith(
         "error: no network 'resnet'; there is efficientnet-lite0, or name a file *.onnx\n"
     )
-    assert alone[0] == unknown[0] == 2
+    assert alone.code == unknown.code == 2
