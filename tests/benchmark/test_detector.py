@@ -13,10 +13,11 @@ from advercity.benchmark.detector.boxes import (
     draw_targets,
     drop_overlapping,
 )
-from advercity.benchmark.detector.clouds import load_clouds
+from advercity.benchmark.detector.clouds import load_cloud, load_clouds
 from advercity.benchmark.detector.samples import make_sample, merge_clouds
 from advercity.benchmark.predictions import load_predictions
 from advercity.cli import main
+from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import Dataset
 from advercity.geometry.poses import pose_matrix, transform_points
 from advercity.randomness import create_generator
@@ -79,6 +80,17 @@ def test_an_ideal_exchange_puts_the_clouds_of_all_stations_in_one_frame(two_road
     np.testing.assert_allclose(middles, np.broadcast_to(middles[0], (5, 3)), atol=0.01)
     merged = merge_clouds(clouds)
     assert len(merged.points) == sum(len(cloud.points) for cloud in clouds)
+
+
+def test_a_station_finds_the_ground_below_fog_that_returns_most_of_its_points(
+    two_roads: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (view,) = (item for name, item in Dataset(two_roads)[0].views.items() if name == "rsu1")
+    table, clear_m = view.cloud, load_cloud(view).ground_m
+    fog = np.repeat(table, 9)
+    fog["z"] += np.linspace(0.0, 6.0, len(fog))
+    monkeypatch.setattr(AgentView, "cloud", np.concatenate([table, fog]))
+    assert load_cloud(view).ground_m == pytest.approx(clear_m, abs=0.3)
 
 
 def test_a_sample_turns_and_mirrors_points_and_boxes_alike(two_roads: Path) -> None:
@@ -171,6 +183,26 @@ def test_targets_are_read_back_as_the_boxes_that_they_are_of() -> None:
     assert (scores > 0.99).all()
     order = np.argsort(-found[:, 0])
     np.testing.assert_allclose(found[order], BOXES, atol=1e-5)
+
+
+def test_vehicles_on_a_hill_are_used_and_crowns_of_trees_are_not() -> None:
+    torch = pytest.importorskip("torch", reason=HINT)
+    from advercity.benchmark.detector.network import Pillars
+
+    rng = create_generator("a test")
+    x_m, y_m = rng.uniform(-80, 80, 20_000), rng.uniform(-8, 8, 20_000)
+    uphill = np.column_stack([x_m, y_m, 0.08 * x_m, np.zeros(len(x_m))])
+    roof, crown = [70.25, 0.25, 0.08 * 70 + 1.5, 0.0], [60.25, 0.25, 0.08 * 60 + 7.0, 0.0]
+    mirrored = [-60.25, 0.25, -0.08 * 60 - 5.0, 0.0]
+    pillars, area = Pillars(8).eval(), (80.0, 8.0)
+
+    def fill(*more: list[float]) -> Any:
+        points = torch.from_numpy(np.vstack([uphill, *more]).astype(np.float32))
+        return pillars(points, area)[0].abs().sum(0)
+
+    with torch.no_grad():
+        changed = (fill(roof, crown, mirrored) != fill()).nonzero().tolist()
+    assert changed == [[300, 16]]  # at x 70.25 m, y 0.25 m, in pillars of 0.5 m
 
 
 def test_a_station_s_features_arrive_where_the_ego_sees_its_place() -> None:

@@ -19,8 +19,8 @@ from advercity.sensors.messages import MessageKind
 Fusion = Literal["none", "late", "early", "intermediate"]
 FUSIONS: tuple[Fusion, ...] = get_args(Fusion)
 GROUND_RING_M = (3.0, 25.0)
-GROUND_QUANTILE = 0.1
-"""Of the heights of points in this ring. Most are on the road; few are below it."""
+GROUND_QUANTILE = 0.01
+"""Of the heights of points in this ring. Almost none is below the road; in fog most are above it."""
 
 
 @dataclass(frozen=True, eq=False)

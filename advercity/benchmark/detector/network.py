@@ -14,9 +14,13 @@ from advercity.geometry.arrays import Float32Array
 from advercity.geometry.poses import Matrix, invert_pose
 
 PILLAR_M = 0.5
-HEIGHTS_M = (-1.0, 4.0)
-"""Heights over the ground of points that are used."""
-PILLAR_FEATURES = 8
+LOWEST_M = -1.0
+STEEPEST = 0.1
+"""Roads fall less: points lower than this below the ground of the station are mirrored ones."""
+GROUND_CELL_M = 4.0
+HIGHEST_M = 5.0
+"""Over the lowest point around: vehicles on a hill are used, crowns of trees are not."""
+PILLAR_FEATURES = 9
 _BIAS = -4.0
 """Of the heat: at first, hardly anything is found."""
 
@@ -40,12 +44,16 @@ class Pillars(nn.Module):
         cells = torch.floor((points[:, :2] + half) / PILLAR_M).long()
         limit = cells.new_tensor(shape)
         inside = ((cells >= 0) & (cells < limit)).all(1)
-        inside &= (points[:, 2] > HEIGHTS_M[0]) & (points[:, 2] < HEIGHTS_M[1])
+        inside &= points[:, 2] > LOWEST_M - STEEPEST * points[:, :2].norm(dim=1)
         points, cells = points[inside], cells[inside]
+        heights = _compute_heights(points, cells, shape)
+        near = heights < HIGHEST_M
+        points, cells, heights = points[near], cells[near], heights[near]
         index = cells[:, 0] * shape[1] + cells[:, 1]
         canvas = points.new_zeros(shape[0] * shape[1], self.channels)
         if len(points) > 1:
-            values = self.layer(self._describe(points, cells, index, half, len(canvas)))
+            described = self._describe(points, cells, index, half, len(canvas))
+            values = self.layer(torch.cat([described, heights[:, None]], 1))
             places = index[:, None].expand(-1, self.channels)
             canvas = canvas.scatter_reduce(0, places, values, "amax")
         return canvas.view(1, *shape, self.channels).permute(0, 3, 1, 2)
@@ -53,7 +61,7 @@ class Pillars(nn.Module):
     def _describe(
         self, points: Tensor, cells: Tensor, index: Tensor, half: Tensor, count: int
     ) -> Tensor:
-        """Compute features (n, 8) of points: place in the pillar and to its mean, height, light."""
+        """Compute features (n, 8): place in the pillar and to its mean, z, light, points in it."""
         sums = points.new_zeros(count, 4)
         sums.index_add_(0, index, torch.cat([points[:, :3], torch.ones_like(points[:, :1])], 1))
         of_pillar = sums[index]
@@ -68,6 +76,17 @@ class Pillars(nn.Module):
             ],
             1,
         )
+
+
+def _compute_heights(points: Tensor, cells: Tensor, shape: list[int]) -> Tensor:
+    """Compute heights (n,) of points over the lowest one within 4 to 8 m, mostly the ground."""
+    pillars = round(GROUND_CELL_M / PILLAR_M)
+    sides = [side // pillars for side in shape]
+    places = (cells // pillars)[:, 0] * sides[1] + (cells // pillars)[:, 1]
+    depths = points.new_full((sides[0] * sides[1],), -math.inf)
+    depths = depths.scatter_reduce(0, places, -points[:, 2], "amax").view(1, 1, *sides)
+    deepest = functional.max_pool2d(depths, 3, stride=1, padding=1).flatten()
+    return points[:, 2] + deepest[places]
 
 
 def _build_block(before: int, after: int, layers: int) -> Tensor:

@@ -31,6 +31,8 @@ WEIGHT_DECAY = 0.01
 MAX_GRADIENT = 10.0
 SAVE_EVERY = 100
 BOX_WEIGHT = 1.0
+CELLS_WEIGHT = 3.0
+"""Of the cells together from which a box is learned, on average."""
 
 
 @dataclass(frozen=True)
@@ -132,12 +134,20 @@ def _take_step(
     if is_frozen:
         network.encoder.eval()
     optimizer.zero_grad()
+    samples = [
+        make_sample(
+            _draw_frame(frames, record, step * record.batch + row),
+            record.fusion,
+            create_generator("benchmark training", record.seed, step, row),
+            is_ideal=record.is_ideal,
+        )
+        for row in range(record.batch)
+    ]
+    # Objects weigh alike, however few a frame has, as in fog.
+    objects = max(1, sum(int((sample.heat == 1.0).sum()) for sample in samples))
     total = 0.0
-    for row in range(record.batch):
-        rng = create_generator("benchmark training", record.seed, step, row)
-        frame = _draw_frame(frames, record, step * record.batch + row)
-        sample = make_sample(frame, record.fusion, rng, is_ideal=record.is_ideal)
-        loss = _compute_loss(network, sample) / record.batch
+    for sample in samples:
+        loss = _compute_loss(network, sample) / objects
         loss.backward()
         total += float(loss.detach())
     nn.utils.clip_grad_norm_(network.parameters(), MAX_GRADIENT)
@@ -153,7 +163,7 @@ def _draw_frame(frames: list[FrameView], record: TrainingRecord, number: int) ->
 
 
 def _compute_loss(network: Any, sample: Sample) -> Tensor:
-    """Compute the loss: focal for the heat, as of CenterNet, and absolute for the boxes."""
+    """Sum the loss over objects: focal for the heat, as of CenterNet, absolute for the boxes."""
     with torch.set_grad_enabled(next(network.encoder.parameters()).requires_grad):
         maps = [
             network.encode(points, area)
@@ -174,13 +184,13 @@ def _compute_heat_loss(heat: Tensor, wanted: Tensor, weights: Tensor) -> Tensor:
     score = torch.sigmoid(heat)
     of_middles = (found * (1.0 - score) ** 2)[is_middle].sum()
     of_others = (missed * score**2 * (1.0 - wanted) ** 4 * weights)[~is_middle].sum()
-    return -(of_middles + of_others) / is_middle.sum().clamp(min=1)
+    return -(of_middles + of_others)
 
 
 def _compute_box_loss(learned: Tensor, boxes: Tensor, wanted: Tensor) -> Tensor:
     weights = wanted * (wanted >= LEARNED_HEAT)
     errors = (learned - boxes).abs().sum(0)
-    return (errors * weights).sum() / weights.sum().clamp(min=1.0)
+    return (errors * weights).sum() / CELLS_WEIGHT
 
 
 def _digest_frames(frames: list[FrameView]) -> str:
