@@ -89,6 +89,12 @@ class Library:
     entries: Mapping[DeclarationKey, LibraryEntry[Declaration]]
     variants: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    def list_weathers(self) -> dict[str, Weather]:
+        """Return the weathers that `all` names, by id: those that are not optional."""
+        return {
+            name: item for name, item in self.get_declarations(Weather).items() if not item.optional
+        }
+
     def list_variants(self, name: str) -> tuple[str, ...]:
         """List the ids that a name in a suite selects: a road may be one per junction."""
         return self.variants.get(name, (name,))
@@ -231,9 +237,9 @@ def find_weather(text: str, *folders: Path) -> LibraryEntry[Weather]:
 
 
 def list_weathers(*folders: Path) -> list[LibraryEntry[Weather]]:
-    """Return all weathers of a library; without folders, of the one that ships."""
+    """Return the weathers that `all` names in a library; without folders, in the one that ships."""
     library = load_library(*folders or [find_shipped_library()])
-    return [library.find_entry(item) for item in library.get_declarations(Weather).values()]
+    return [library.find_entry(item) for item in library.list_weathers().values()]
 
 
 def _list_declaration_files(folder: Path, diagnostics: list[Diagnostic]) -> list[Path]:

@@ -157,7 +157,7 @@ def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
     weathers = library.get_declarations(Weather)
     return ResolvedSuite(
         find("roads", Road),
-        find("weathers", Weather),
+        library.list_weathers() if suite.weathers == "all" else find("weathers", Weather),
         find("densities", Density),
         rigs[suite.rig],
         {agent: rigs[name] for agent, name in suite.agents.items()},

@@ -188,7 +188,7 @@ class Suite(Declaration):
     roads: IdSelection = "all"
     """Ids, or `all` of the library, which then needs a road of every required kind."""
     weathers: IdSelection = "all"
-    """Ids, or `all` of the library."""
+    """Ids, or `all` of the library but those that are `optional`."""
     densities: IdSelection = "all"
     """Ids, or `all` of the library."""
     where: dict[FieldPath, Scalar | Items[Scalar] | ValueRange] = Field(

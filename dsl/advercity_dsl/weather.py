@@ -30,6 +30,7 @@ from advercity_dsl.keyframes import (
 )
 from advercity_dsl.units import (
     Celsius,
+    Flag,
     RangeReason,
     Seconds,
 )
@@ -160,6 +161,9 @@ class Weather(Declaration):
 
     keyframes: Items[Keyframe] = Field(default=(), exclude_if=is_empty)
     """Changes over time, in order; each value runs evenly between the keyframes that mention it."""
+
+    optional: Flag = Field(default=False, exclude_if=lambda value: not value)
+    """Whether only suites that name it have it: `all` leaves it out."""
 
     def at(self, time_s: float) -> "Weather":
         """Return the weather at a time in seconds since the first frame, without keyframes.

@@ -7,6 +7,7 @@ from advercity_dsl import DECLARATIONS, Spec
 from advercity.compiler import (
     describe_spec_differences,
     find_weather,
+    list_weathers,
     to_json,
     validate_paths,
     with_digest,
@@ -154,6 +155,20 @@ def test_an_example_copied_into_the_library_adds_ten_specs(
     assert {made[item].weather.id for item in more} == {name}
     assert len(more) == 10
     assert all(to_json(made[item]) == to_json(specs[item]) for item in specs)
+
+
+def test_all_weathers_are_those_that_are_not_optional(write: Write) -> None:
+    folder = write(
+        drizzle="kind: weather\nid: drizzle\ntime: day\n",
+        sleet="kind: weather\nid: sleet\ntime: day\noptional: true\n",
+        wet="kind: suite\nid: wet\nextends: small\nweathers: [sleet]\n",
+    )
+    compiled = {spec.weather.id for spec in compile_library(folder, suite="small")}
+    assert "drizzle" in compiled
+    assert "sleet" not in compiled
+    assert {weather.declaration.id for weather in list_weathers(folder)} == compiled
+    (spec,) = compile_library(folder, suite="wet")
+    assert spec.weather.id == "sleet"
 
 
 def test_starters_compile_together_with_the_library(library: Path, tmp_path: Path) -> None:
