@@ -18,15 +18,19 @@ import os
 import random
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import redirect_stdout
+from multiprocessing import get_context
+from multiprocessing.context import ForkProcess
 from pathlib import Path
 
+from advercity.cli import main as main_of_advercity
 from advercity.dataset.verification import verify_dataset
 from advercity.exports.export_folder import is_export, verify_export
+from advercity.exports.registry import EXPORT_FORMATS
 
 DATASET, OUTPUT = "DATASET", "OUTPUT"
 """What stands for the folder of the undisturbed run, and for the one that a command writes."""
@@ -45,6 +49,8 @@ STRANGER = "notes_of_others.txt"
 def main() -> int:
     """Run, kill, compare; 1 if anything differs."""
     arguments = _arguments()
+    for name in ("kitti", "nuscenes", "mcap", "openscenario", "webdataset"):
+        EXPORT_FORMATS[name].load()  # once, rather than in every process
     moments = random.Random(arguments.seed)
     with tempfile.TemporaryDirectory() as folder:
         dataset = Path(folder) / "dataset"
@@ -65,14 +71,14 @@ def _kill_command(
     """Run a command into `whole`, kill it elsewhere, and return how many results differ."""
     killed = whole.with_name("killed")
     begin = time.perf_counter()
-    subprocess.run(_build_command(command, whole), check=True, stdout=subprocess.DEVNULL)
+    _run_to_end(command, whole)
     whole_s = time.perf_counter() - begin
     print(f"{' '.join(command[:2])}: {whole_s:.1f} s, {len(_hash_tree(whole))} files", flush=True)
     kills, wrong, series, has_stranger = 0, 0, 1, False
     while kills < wanted_kills:
         delay_s = moments.uniform(0.3, 0.95) * whole_s
         begin = time.perf_counter()
-        if _run_and_kill(_build_command(command, killed), delay_s):
+        if _run_and_kill(command, killed, delay_s):
             kills += 1
             print(f"kill {kills}: after {delay_s:.1f} s, {_format_progress(killed)}", flush=True)
             has_stranger = _add_stranger(killed) or has_stranger
@@ -82,7 +88,7 @@ def _kill_command(
             wrong += _has_differences(killed, whole, has_stranger)
             series, has_stranger = series + 1, False
             shutil.rmtree(killed)
-    subprocess.run(_build_command(command, killed), check=True, stdout=subprocess.DEVNULL)
+    _run_to_end(command, killed)
     wrong += _has_differences(killed, whole, has_stranger)
     shutil.rmtree(killed)
     print(f"{kills} kills in {series} series, {wrong} of them different", flush=True)
@@ -98,23 +104,36 @@ def _build_run_arguments(arguments: argparse.Namespace) -> list[str]:
     ]
 
 
-def _build_command(command: Sequence[str], output: Path) -> list[str]:
+def _start(command: Sequence[str], output: Path) -> ForkProcess:
+    """Start a command in a process of its own, which has all modules of this one."""
     words = [str(output) if word == OUTPUT else word for word in command]
-    return [sys.executable, "-c", "from advercity.cli import main; main()", *words]
+    process = get_context("fork").Process(target=_run_command, args=(words,))
+    process.start()
+    return process
 
 
-def _run_and_kill(command: list[str], delay_s: float) -> bool:
-    """Start a process and kill it after a delay; False if it ended before."""
-    process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
-    try:
-        code = process.wait(delay_s)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        return True
-    if code:
-        raise subprocess.CalledProcessError(code, command)
-    return False
+def _run_command(words: list[str]) -> None:
+    os.setsid()
+    sys.argv = ["advercity", *words]
+    with Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
+        main_of_advercity()
+
+
+def _run_to_end(command: Sequence[str], output: Path) -> None:
+    process = _start(command, output)
+    process.join()
+    assert process.exitcode == 0, f"exit code {process.exitcode} of {command}"
+
+
+def _run_and_kill(command: Sequence[str], output: Path, delay_s: float) -> bool:
+    """Start a command and kill it after a delay; False if it ended before."""
+    process = _start(command, output)
+    process.join(delay_s)
+    if process.is_alive():
+        os.killpg(process.pid or 0, signal.SIGKILL)
+    process.join()
+    assert process.exitcode in (0, -signal.SIGKILL), f"exit code {process.exitcode} of {command}"
+    return process.exitcode != 0
 
 
 def _add_stranger(folder: Path) -> bool:

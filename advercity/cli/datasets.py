@@ -116,6 +116,9 @@ def export(
         str | None,
         typer.Option(metavar="foxglove|ros2", help="Messages of mcap (default: foxglove)."),
     ] = None,
+    allow_edited: Annotated[
+        bool, typer.Option("--allow-edited", help="Export files that you have changed as they are.")
+    ] = False,
 ) -> None:
     """Write a dataset in another format.
 
@@ -133,7 +136,13 @@ def export(
     specs = [scenario.spec for scenario in Dataset(dataset).scenarios]
     with show_progress(specs) as view:
         made = export_dataset(
-            format, dataset, output, options=options, fresh=fresh, report=view.on_progress
+            format,
+            dataset,
+            output,
+            options=options,
+            fresh=fresh,
+            allow_edited=allow_edited,
+            report=view.on_progress,
         )
     print_remark(
         f"{made.scenarios} scenario{'' if made.scenarios == 1 else 's'}, {made.frames} frames,"

@@ -124,7 +124,8 @@ class ExportFolder:
     def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         try:
             with report_disk_errors(self.path):
-                self._save(complete=self._done.keys() == self._wanted.keys())
+                is_complete = error is None and self._done.keys() == self._wanted.keys()
+                self._save(complete=is_complete)
                 if error is not None and not self._done:
                     (self.path / EXPORT_FILE).unlink()  # nothing was exported
         finally:

@@ -1,10 +1,13 @@
 """The manifest of an export: what it was made from, and every file with its checksum."""
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 from advercity_dsl import Model
+from advercity_dsl.base import is_empty
 from pydantic import AfterValidator, Field, ValidationError
 
 from advercity import __version__
@@ -49,6 +52,8 @@ class ExportManifest(Model):
         version: Version of advercity.
         code_sha256: Checksum of its sources.
         scenarios: Checksums of the identities of the scenarios, by their names.
+        edited: Checksums of files of the dataset that were changed after its runs and exported as
+            they are, by scenario and path.
         complete: Whether all that the dataset had is written.
         pieces: What the finished pieces were made from, by their names.
         files: Records by path within the export.
@@ -60,12 +65,18 @@ class ExportManifest(Model):
     version: str
     code_sha256: str
     scenarios: dict[str, str]
+    edited: dict[str, str] = Field(default_factory=dict[str, str], exclude_if=is_empty)
     complete: bool = False
     pieces: dict[str, str] = Field(default_factory=dict[str, str])
     files: dict[ExportPath, ExportRecord] = Field(default_factory=dict[str, ExportRecord])
 
     @staticmethod
-    def for_dataset(dataset: Dataset, format: str, options: dict[str, str]) -> "ExportManifest":
+    def for_dataset(
+        dataset: Dataset,
+        format: str,
+        options: dict[str, str],
+        edited: Mapping[str, str] = MappingProxyType({}),
+    ) -> "ExportManifest":
         """Describe the export of a dataset by this version of advercity, without files."""
         return ExportManifest(
             format=format,
@@ -78,6 +89,7 @@ class ExportManifest(Model):
                 ).hexdigest()
                 for one in dataset.scenarios
             },
+            edited=dict(edited),
         )
 
     def check_continues(self, former: "ExportManifest", where: Path) -> None:

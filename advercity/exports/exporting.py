@@ -1,15 +1,20 @@
 """Exports a dataset: what is missing of it is written, piece by piece."""
 
+import hashlib
 import logging
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from advercity.dataset.agent_view import MAX_IMAGE_BYTES, report_read_errors
+from advercity.dataset.manifest import Manifest
 from advercity.dataset.partial_files import is_being_written
 from advercity.dataset.reader import Dataset, Scenario
 from advercity.dataset.scenario_folders import no_frames_error
 from advercity.dataset.verification import compare_with_index, verify_scenario
+from advercity.digests import compute_json_digest
+from advercity.documents import read_bytes
 from advercity.errors import InputError, RunError
 from advercity.exports.export_folder import ExportFolder, check_export_folder
 from advercity.exports.export_manifest import ExportManifest
@@ -46,6 +51,7 @@ def export_dataset(
     *,
     options: Mapping[str, str | None] | None = None,
     fresh: bool = False,
+    allow_edited: bool = False,
     report: ProgressCallback = ignore_progress,
 ) -> ExportResult:
     """Write a dataset in another format; an export that was cut short goes on where it ended.
@@ -56,21 +62,25 @@ def export_dataset(
         output: Folder of the export.
         options: Options of the format by name, without those that are None.
         fresh: Remove what exports have written there and start over.
+        allow_edited: Export files that were changed after their run as they are, and record it.
         report: Called with the progress.
 
     Raises:
         InputError: There is no such format, the dataset lacks what it needs or is damaged, or the
             output holds something else.
-        RunError: A run is writing the dataset, the output has another export, or the disk refuses.
+        RunError: A run is or was writing the dataset meanwhile, the output has another export, or
+            the disk refuses.
     """
     target = find_export_format(format)
     chosen = target.complete_options(options or {})
     check_export_folder(output)
     opened = _open_whole_dataset(dataset)
-    pieces = target.load()(opened, chosen)
-    manifest = ExportManifest.for_dataset(opened, format, chosen)
+    edited = _find_edited_files(opened, report) if allow_edited else {}
+    pieces = [_with_edits(piece, edited) for piece in target.load()(opened, chosen)]
+    manifest = ExportManifest.for_dataset(opened, format, chosen, edited)
     view = _FrameCounter(opened, report)
-    unverified = {one.path.name: one.path for one in opened.scenarios}
+    # With `allow_edited`, all are verified by now.
+    unverified = {} if allow_edited else {one.path.name: one.path for one in opened.scenarios}
     with ExportFolder(output, manifest, pieces, fresh=fresh) as folder:
         for piece in pieces:
             if folder.is_done(piece):
@@ -81,6 +91,7 @@ def export_dataset(
                         report(Progress(name, "verify"))
                         _check_is_as_recorded(unverified.pop(name))
                 folder.write_piece(piece, view.count)
+        _check_is_unchanged(opened)
         view.finish()
     return ExportResult(
         output, len(opened.scenarios), len(opened), folder.file_count, folder.size_bytes
@@ -144,14 +155,66 @@ def _open_whole_dataset(path: Path) -> Dataset:
     return dataset
 
 
-def _check_is_as_recorded(scenario: Path) -> None:
-    """Raise an InputError if files are not as the manifest, which the export names, says."""
+def _find_edited_files(dataset: Dataset, report: ProgressCallback) -> dict[str, str]:
+    """Return the checksums of changed files by scenario and path, and say how many there are."""
+    edited: dict[str, str] = {}
+    for scenario in dataset.scenarios:
+        name = scenario.path.name
+        report(Progress(name, "verify"))
+        changed = _check_is_as_recorded(scenario.path, allow_edited=True)
+        if changed:
+            noun = "file was" if len(changed) == 1 else "files were"
+            text = "%s: %d %s changed since the run, and exported as they are"
+            _logger.warning(text, scenario.path, len(changed), noun)
+        for path in changed:
+            with report_read_errors(scenario.path / path):
+                content = read_bytes(scenario.path / path, max_bytes=MAX_IMAGE_BYTES)
+            edited[f"{name}/{path}"] = hashlib.sha256(content).hexdigest()
+    return edited
+
+
+def _with_edits(piece: Piece, edited: Mapping[str, str]) -> Piece:
+    """Let a piece be made again when files of its scenario were edited since, or no longer are."""
+    own = {
+        path: digest
+        for path, digest in edited.items()
+        if piece.scenario in (None, path.partition("/")[0])
+    }
+    inputs = compute_json_digest({"inputs": piece.inputs, "edited": own})
+    return replace(piece, inputs=inputs) if own else piece
+
+
+def _check_is_as_recorded(scenario: Path, *, allow_edited: bool = False) -> list[str]:
+    """Check that files are as the manifest, which the export names, says.
+
+    Returns:
+        The paths of those that were changed, if that is allowed.
+
+    Raises:
+        InputError: Files are missing, unfinished, or changed without being allowed to.
+    """
     damage = [problem for problem in verify_scenario(scenario) if problem.is_damage]
-    if damage:
-        raise InputError(
-            f"{damage[0]}; `advercity verify` lists all such files, `advercity repair` restores"
-            " them"
-        )
+    changed = [problem.path for problem in damage if problem.kind == "changed" and allow_edited]
+    for problem in damage:
+        if problem.path not in changed:
+            edited = (
+                "; `allow_edited` exports them as they are" if problem.kind == "changed" else ""
+            )
+            raise InputError(
+                f"{problem}; `advercity verify` lists all such files, `advercity repair` restores"
+                f" them{edited}"
+            )
+    return changed
+
+
+def _check_is_unchanged(dataset: Dataset) -> None:
+    """Raise a RunError if a run has written into a scenario since the dataset was opened."""
+    for scenario in dataset.scenarios:
+        if is_being_written(scenario.path) or Manifest.load(scenario.path) != scenario.manifest:
+            raise RunError(
+                f"{scenario.path}: a run wrote it during the export; export it again when that has"
+                " ended"
+            )
 
 
 def _warn_of_missing_frames(scenario: Scenario) -> None:

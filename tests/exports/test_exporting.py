@@ -1,10 +1,12 @@
 """What all exports have in common: they resume, replace nothing of others, and can be verified."""
 
+import hashlib
 import json
 import shutil
 import signal
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -314,6 +316,55 @@ def test_bad_input_is_explained(advercity: Command, dataset: Path, tmp_path: Pat
         " `advercity repair` restores them"
     )
     assert not output.joinpath("training/velodyne/000023.bin").exists()
+
+
+def test_files_that_were_edited_are_exported_if_that_is_allowed_and_recorded(
+    advercity: Command, dataset: Path, tmp_path: Path
+) -> None:
+    output, scenario = tmp_path / "exports" / "kitti", dataset / "ui_clear_night_dense"
+    point_cloud, labels = scenario / "-1" / "000061.pcd", scenario / "+101" / "000060.yaml"
+    text = labels.read_text()
+    speed = next(line for line in text.splitlines() if line.startswith("ego_speed:"))
+    labels.write_text(text.replace(speed, "ego_speed: 12.5"))
+    assert "--allow-edited exports them as they are" in refuse(
+        advercity, "kitti", dataset, "--output", output
+    )
+    done = advercity("export", "kitti", dataset, "--output", output, "--allow-edited")
+    assert done.code == 0, done.err
+    assert f"{scenario}: 1 file was changed since the run, and exported as they are" in done.err
+    manifest = json.loads((output / "export.json").read_text())
+    digest = hashlib.sha256(labels.read_bytes()).hexdigest()
+    assert manifest["edited"] == {"ui_clear_night_dense/+101/000060.yaml": digest}
+    before = snapshot(output)
+    assert advercity("export", "kitti", dataset, "--output", output, "--allow-edited").code == 0
+    assert snapshot(output) == before
+    labels.write_text(text.replace(speed, "ego_speed: 13.5"))
+    again = advercity("export", "kitti", dataset, "--output", output, "--allow-edited")
+    assert again.code == 0, again.err
+    after = snapshot(output)
+    oxts = "training/oxts/000015.txt"
+    assert {path for path in before if after[path] != before[path]} == {"export.json", oxts}
+    point_cloud.unlink()
+    missing = refuse(advercity, "kitti", dataset, "--output", output, "--allow-edited")
+    assert "000061.pcd: missing" in missing
+
+
+def test_an_export_during_which_a_run_begins_is_not_complete(dataset: Path, tmp_path: Path) -> None:
+    output, scenario = tmp_path / "exports" / "kitti", dataset / "ui_clear_night_dense"
+    with ExitStack() as runs, pytest.raises(RunError, match="a run wrote it during the export"):
+        export_dataset(
+            "kitti",
+            dataset,
+            output,
+            report=lambda one: (
+                runs.enter_context(lock_scenario(scenario))
+                if (one.phase, one.done, one.scenario) == ("export", 2, scenario.name)
+                else None
+            ),
+        )
+    assert not json.loads((output / "export.json").read_text())["complete"]
+    export_dataset("kitti", dataset, output)
+    assert json.loads((output / "export.json").read_text())["complete"]
 
 
 def test_a_frame_that_is_not_as_its_manifest_says_is_not_exported(
