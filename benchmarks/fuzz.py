@@ -1,7 +1,7 @@
 """Damages every kind of input at random: each is read or refused with a message, no file is lost.
 
     python benchmarks/fuzz.py [--declarations N] [--specs N] [--datasets N] [--traces N]
-        [--caches N] [--seed 1] [--folder DIR]
+        [--caches N] [--recordings N] [--predictions N] [--exports N] [--seed 1] [--folder DIR]
 
 Everything runs in this process: a crash ends it; a traceback, a lost file, or a case of more than
 10 s of processor time is printed with its number, and counts as failed. The folder is for the
@@ -32,9 +32,11 @@ from fuzz_files import (
     Tree,
     read_tree,
 )
+from fuzz_inputs import ExportFuzzer, PredictionFuzzer, RecordingFuzzer
 
 from advercity.compiler import with_digest
 from advercity.dataset.formats import FORMATS
+from advercity.dataset.writer import ScenarioWriter
 from advercity.pipeline import RunOptions
 from advercity.pipeline.cache import (
     compute_body_key,
@@ -53,11 +55,16 @@ Check = Callable[[int, int], tuple[str, str]]
 DEFAULT_COUNTS = {
     "declarations": 2000,
     "specs": 500,
-    "datasets": 5900,
+    "datasets": 3000,
     "traces": 1000,
     "caches": 1000,
+    "recordings": 1000,
+    "predictions": 500,
+    "exports": 1000,
 }
 TRACE_TICKS = 40
+FUZZED_EXPORTS = ("calibration", "openlabel", "openscenario")
+"""Formats with small files, by frame and by scenario."""
 
 
 def main() -> int:
@@ -86,20 +93,23 @@ def main() -> int:
 
 def _make_checks(folder: Path) -> dict[str, Check]:
     """Make what damages each kind; each works in a folder of its own."""
-    (folder / "datasets").mkdir()
-    (folder / "traces").mkdir()
-    (folder / "caches").mkdir()
-    (folder / "entries").mkdir()
+    for name in ("datasets", "traces", "caches", "entries", "recordings", "predictions", "exports"):
+        (folder / name).mkdir()
     prepared = _prepare_recording()
     trace = prepared[0].traffic.trace.cut(TRACE_TICKS)
+    recording = _record(prepared)
+    dataset = _write_dataset(recording, folder / "whole")
     return {
         "declarations": _in_empty_folder("declaration", check_declaration, folder),
         "specs": _in_empty_folder("spec", check_spec, folder),
-        "datasets": DatasetFuzzer(_record(prepared), folder / "datasets").check,
+        "datasets": DatasetFuzzer(recording, folder / "datasets").check,
         "traces": TraceFuzzer(trace, folder / "traces").check,
         "caches": CacheFuzzer(
             _collect_entries(prepared[0], folder / "entries"), folder / "caches"
         ).check,
+        "recordings": RecordingFuzzer(folder / "recordings").check,
+        "predictions": PredictionFuzzer(dataset, folder / "predictions").check,
+        "exports": ExportFuzzer(dataset, folder / "exports", FUZZED_EXPORTS).check,
     }
 
 
@@ -117,6 +127,15 @@ def _prepare_recording() -> list[PreparedScenario]:
     data = spec.model_dump(mode="json")
     data["road"]["surroundings"] = []
     data["agents"] = [data["agents"][0], data["agents"][-1]]  # a vehicle and a unit
+    data["channel"] = compile_shaped(suite="cooperative")[0].model_dump(mode="json")["channel"]
+    sensors = data["agents"][0]["sensors"]
+    sensors["can"] = {}
+    sensors["camera"] |= {
+        "mounts": sensors["camera"]["mounts"][:1],
+        "truth": ["instance", "normal", "flow"],
+        "hdr": True,
+        "raw": {"pattern": "rggb", "bits": 12, "black_level": 64},
+    }
     # Of one agent, with coarse cells: a cube of the rig has ten times the size of all else.
     data["agents"][0]["sensors"]["radar"] |= {
         "output": "cube",
@@ -135,6 +154,15 @@ def _record(prepared: list[PreparedScenario]) -> Recording:
     with open_sensors(prepared[0]) as sensors:
         frames = [sensors.capture_frame(index) for index in range(2)]
     return Recording(prepared[0].spec, [one.identity for one in prepared], frames)
+
+
+def _write_dataset(recording: Recording, folder: Path) -> Path:
+    spec, frames = recording.spec, recording.frames
+    with ScenarioWriter(folder, spec, recording.identities[0], length=len(frames)) as writer:
+        for number, frame in enumerate(frames):
+            writer.write_frame(number, frame)
+        writer.finish()
+    return folder
 
 
 def _collect_entries(prepared: PreparedScenario, folder: Path) -> Tree:

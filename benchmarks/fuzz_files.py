@@ -9,9 +9,10 @@ import os
 import shutil
 import stat
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -27,6 +28,8 @@ from advercity.dataset.facts import collect_scenario_facts
 from advercity.dataset.index import INDEX_FILE, IndexWriter
 from advercity.dataset.manifest import Identity
 from advercity.dataset.partial_files import PARTIAL_SUFFIX
+from advercity.dataset.reader import Scenario
+from advercity.dataset.sample_series import SampleKind
 from advercity.dataset.scenario_folders import MANIFEST_FILE
 from advercity.dataset.verification import restore_files, verify_dataset, verify_scenario
 from advercity.dataset.writer import ScenarioWriter
@@ -197,9 +200,14 @@ class DatasetFuzzer:
 
     def _read(self, identity: Identity) -> None:
         refused: list[AdvercityError] = []
-        for frame in advercity.open_dataset(self._dataset):
+        dataset = advercity.open_dataset(self._dataset)
+        for scenario in dataset.scenarios:
+            refused += read_samples(scenario)
+        for frame in dataset:
             for view in frame.views.values():
                 refused += read_view(view)
+            for agent in frame.views:
+                refused += try_each([partial(frame.messages, agent)])
         if refused:
             raise refused[0]
 
@@ -301,16 +309,37 @@ def run_command(*arguments: object) -> None:
 
 def read_view(view: AgentView) -> list[AdvercityError]:
     """Read everything of an agent; return what its readers refused."""
-    refused: list[AdvercityError] = []
-    fields: tuple[Callable[[], object], ...] = (
-        *(lambda: view.boxes, lambda: view.extras, lambda: view.cloud, lambda: view.speed_m_s),
-        *(lambda: view.world_from_agent, lambda: view.world_from_lidar, lambda: view.image(0)),
-        *(lambda: view.world_from_camera(0), lambda: view.intrinsic(0), lambda: view.semantic(0)),
-        *(lambda: view.depth(0), lambda: view.bird_view("dynamic"), lambda: view.measured),
-        *(lambda: view.depth_cm(0), lambda: view.load_radar(0), lambda: view.load_radar_cube(0)),
-        *(lambda: view.pixels(0, np.ones((1, 3))), lambda: view.load_lidar_pose(0)),
+    return try_each(
+        [
+            *(lambda: view.boxes, lambda: view.extras, lambda: view.cloud, lambda: view.speed_m_s),
+            *(lambda: view.world_from_agent, lambda: view.world_from_lidar, lambda: view.image(0)),
+            *(lambda: view.world_from_camera(0), lambda: view.intrinsic(0)),
+            *(lambda: view.semantic(0), lambda: view.depth(0), lambda: view.depth_cm(0)),
+            *(lambda: view.bird_view("dynamic"), lambda: view.measured, lambda: view.can),
+            *(lambda: view.load_radar(0), lambda: view.load_radar_cube(0), lambda: view.motion),
+            *(lambda: view.pixels(0, np.ones((1, 3))), lambda: view.load_lidar_pose(0)),
+            *(lambda: view.instance(0), lambda: view.normal(0), lambda: view.flow(0)),
+            *(lambda: view.hdr(0), lambda: view.raw(0), lambda: view.load_readout(0)),
+            *(lambda: view.camera_model(0), lambda: view.load_radar_pose(0)),
+            *(view.load_velocities, view.load_messages_document),
+        ]
     )
-    for read in fields:
+
+
+def read_samples(scenario: Scenario) -> list[AdvercityError]:
+    """Read the samples of every agent of a scenario; return what was refused."""
+    kinds: tuple[SampleKind, ...] = ("gnss", "imu", "can")
+    reads: list[Callable[[], object]] = [lambda: scenario.roles]
+    for agent in scenario.agents:
+        reads += [partial(scenario.load_samples, agent, kind) for kind in kinds]
+        reads.append(partial(scenario.load_stamps, agent))
+    return try_each(reads)
+
+
+def try_each(reads: Iterable[Callable[[], object]]) -> list[AdvercityError]:
+    """Call readers; return what they refused."""
+    refused: list[AdvercityError] = []
+    for read in reads:
         try:
             read()
         except AdvercityError as error:

@@ -11,6 +11,7 @@ right-handed `world`. A line may have `classes`, the class of each box.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -20,13 +21,14 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from advercity.diagnostics import DiagnosticsError
-from advercity.documents import parse_json
+from advercity.documents import parse_json, read_bytes
 from advercity.errors import InputError, describe_cause
 from advercity.geometry.arrays import Float64Array
 from advercity.output_files import write_output
 
 FORMAT_NAME = "advercity-predictions"
 MAX_BOXES = 10_000
+MAX_PREDICTION_BYTES = 10**9
 _Finite = Annotated[float, Field(ge=-1e7, le=1e7)]
 _Size = Annotated[float, Field(gt=0, le=1000)]
 _Box = tuple[_Finite, _Finite, _Finite, _Size, _Size, _Size, _Finite]
@@ -147,7 +149,8 @@ def write_predictions(
 def _iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield the lines of a file that are not blank, with their numbers."""
     try:
-        with path.open(encoding="utf-8") as stream:
+        raw = read_bytes(path, max_bytes=MAX_PREDICTION_BYTES)
+        with TextIOWrapper(BytesIO(raw), encoding="utf-8") as stream:
             for number, text in enumerate(stream, start=1):
                 if text.strip():
                     yield number, text
