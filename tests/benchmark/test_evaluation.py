@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -236,6 +237,13 @@ def test_a_wrong_line_is_named(two_roads: Path, tmp_path: Path, text: str, messa
     path.write_text(text)
     with pytest.raises(InputError, match=message):
         evaluate_predictions(path, two_roads)
+
+
+def test_a_pipe_or_a_device_in_place_of_predictions_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(InputError, match="is not a regular file"):
+            load_predictions(path)
 
 
 def test_an_unknown_class_is_refused_with_one_that_exists(two_roads: Path, tmp_path: Path) -> None:

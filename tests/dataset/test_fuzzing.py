@@ -14,6 +14,7 @@ from advercity.randomness import create_generator
 from advercity.scene.world_storage import save_world
 from advercity.world import World
 from benchmarks.fuzz_files import CacheFuzzer, DatasetFuzzer, Recording, TraceFuzzer
+from benchmarks.fuzz_inputs import ExportFuzzer, PredictionFuzzer, RecordingFuzzer
 from benchmarks.mutations import damage_bytes
 from tests.builders import SensorFramesOf, identify, write_scenario
 
@@ -91,3 +92,21 @@ def test_tables_of_damaged_datasets_are_refused_with_one_message(
         )
         assert ran.returncode in (0, 1, 2), ran.stderr
         assert "Traceback" not in ran.stderr
+
+
+def test_damaged_recordings_are_read_or_refused(tmp_path: Path) -> None:
+    fuzzer = RecordingFuzzer(tmp_path)
+    outcomes = [fuzzer.check(number, SEED) for number in range(30)]
+    assert {outcome for kind, outcome in outcomes if "command" not in kind} == {"read", "refused"}
+
+
+def test_damaged_predictions_are_read_or_refused(two_roads: Path, tmp_path: Path) -> None:
+    fuzzer = PredictionFuzzer(two_roads, tmp_path)
+    assert {fuzzer.check(number, SEED)[1] for number in range(30)} == {"read", "refused"}
+
+
+def test_damaged_exports_are_verified_and_made_again_and_no_file_is_lost(
+    two_roads: Path, tmp_path: Path
+) -> None:
+    fuzzer = ExportFuzzer(two_roads, tmp_path, ("calibration",))
+    assert {fuzzer.check(number, SEED)[1] for number in range(20)} == {"read", "refused"}
