@@ -18,7 +18,12 @@ from numpy.typing import NDArray
 from advercity.array_files import load_arrays
 from advercity.errors import RunError
 from advercity.geometry.boxes import Box
-from advercity.geometry.poses import Matrix, pose_matrix, transform_points
+from advercity.geometry.poses import (
+    Matrix,
+    from_rotation_vector,
+    pose_matrix,
+    transform_points,
+)
 
 
 class Lamp(IntFlag):
@@ -78,6 +83,17 @@ class BodyMotion:
     acceleration: NDArray[np.float64]
     angular_rate: NDArray[np.float64]
 
+    def advance_pose(self, pose: Matrix, time_s: float) -> Matrix:
+        """Advance the body's pose (4, 4) by a short time, which may be negative.
+
+        By its first and second derivatives: the error grows with the third power of the time, 1 mm
+        in 0.1 s at a jerk of 6 m/s³.
+        """
+        moved = pose.copy()
+        moved[:3, 3] += time_s * self.velocity + 0.5 * time_s**2 * self.acceleration
+        moved[:3, :3] = pose[:3, :3] @ from_rotation_vector(time_s * self.angular_rate)
+        return moved
+
 
 AT_REST = BodyMotion(np.zeros(3), np.zeros(3), np.zeros(3))
 
@@ -119,6 +135,14 @@ class ActorState:
         """Middle (3,) of the box in the world."""
         return transform_points(self.world_from_body, self.box.centre)
 
+    def advance(self, time_s: float) -> "ActorState":
+        """Advance the actor by a short time, which may be negative; its lamps stay."""
+        return replace(
+            self,
+            world_from_body=self.motion.advance_pose(self.world_from_body, time_s),
+            travelled_m=self.travelled_m + time_s * self.speed_m_s,
+        )
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -138,6 +162,11 @@ class Frame:
             if state.actor.id == actor_id:
                 return state
         raise KeyError(actor_id)
+
+    def advance(self, time_s: float) -> "Frame":
+        """Advance all actors by a part of a tick, which may be negative; signals stay."""
+        states = tuple(state.advance(time_s) for state in self.states)
+        return replace(self, time_s=self.time_s + time_s, states=states)
 
 
 STATE_DTYPE = np.dtype(

@@ -50,6 +50,7 @@ from advercity.sensors.measurements import (
     RadarCube,
     SolutionQuality,
 )
+from advercity.sensors.rolling_shutter import RollingCamera, compute_row_times
 
 if TYPE_CHECKING:
     from advercity_dsl import Agent
@@ -420,12 +421,34 @@ class AgentView:
     def pixels(self, camera: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
         """Project points (n, 3) of the world into an image: column, row, depth in metres (n, 3).
 
-        Points in the camera's plane give inf or NaN: drop by their depth what is not ahead.
+        Points in the camera's plane give inf or NaN: drop by their depth what is not ahead. On
+        images of a rolling shutter, the points rest while the camera moves.
         """
-        camera_from_world = poses.invert_pose(self.world_from_camera(camera))
-        points = poses.transform_points(camera_from_world, points_world)
-        pixels = self.camera_model(camera).pixels_from_camera(points)
-        return np.column_stack([pixels, points[:, 0]])
+        model, rolling = self.camera_model(camera), self.rolling_camera(camera)
+        if rolling is None:
+            camera_from_world = poses.invert_pose(self.world_from_camera(camera))
+            points = poses.transform_points(camera_from_world, points_world)
+        else:
+            points = rolling.place_points(points_world, model)
+        return np.column_stack([model.pixels_from_camera(points), points[:, 0]])
+
+    def rolling_camera(self, camera: int) -> RollingCamera | None:
+        """Return the poses of a camera while its rows are exposed; None if all are at once."""
+        if not self.agent.sensors.cameras[camera].camera.is_rolling:
+            return None
+        name = f"camera{camera}"
+        with report_read_errors(self.path(".yaml")):
+            return RollingCamera(
+                readout_s=float(self._get_described(name, "readout")),
+                upper=self._parse_pose(name, "cords_upper_edge"),
+                lower=self._parse_pose(name, "cords_lower_edge"),
+            )
+
+    def row_times(self, camera: int) -> NDArray[np.float64]:
+        """Return when rows (h,) of an image are exposed, in seconds from the frame's instant."""
+        height_px = self.camera_model(camera).height_px
+        kind = self.agent.sensors.cameras[camera].camera
+        return compute_row_times(np.arange(height_px) + 0.5, kind, height_px)
 
     def camera_model(self, camera: int) -> CameraModel:
         """Return the projection of a camera, with the distortion by its lens."""

@@ -36,6 +36,7 @@ from advercity.geometry import poses
 from advercity.materials import MATERIALS
 from advercity.sensors.annotation import Annotation
 from advercity.sensors.measurements import CanSample, GnssFix, ImuSample, SolutionQuality
+from advercity.sensors.rolling_shutter import RollingCamera
 from advercity.sensors.sensor_frame import ProjectedBox, SensorFrame
 
 UNLIMITED_LINE_WIDTH = 2**30
@@ -222,6 +223,7 @@ def _describe_camera(sensor_frame: SensorFrame, camera: int) -> dict[str, Any]:
         "extrinsic": to_plain(mirror_pose(camera_from_lidar)),
         "intrinsic": to_plain(sensor_frame.build_camera_model(camera).matrix),
         **_describe_lens(sensor_frame.agent.sensors.cameras[camera].camera.lens),
+        **_describe_shutter(sensor_frame.camera_images[camera].rolling),
     }
 
 
@@ -232,6 +234,17 @@ def _describe_lens(lens: CameraLens | None) -> dict[str, Any]:
     return {
         "distortion_model": lens.model,
         "distortion_coefficients": to_plain(lens.coefficients, decimals=12),
+    }
+
+
+def _describe_shutter(rolling: RollingCamera | None) -> dict[str, Any]:
+    """Describe a rolling shutter by its readout and the poses at the image's edges."""
+    if rolling is None:
+        return {}
+    return {
+        "readout": to_plain(rolling.readout_s),
+        "cords_upper_edge": to_plain(carla_pose_from_matrix(rolling.upper)),
+        "cords_lower_edge": to_plain(carla_pose_from_matrix(rolling.lower)),
     }
 
 

@@ -5,7 +5,8 @@
 
 In both, the middle of the upper left pixel is (0, 0), half a pixel from its corner, which is (0, 0)
 in the dataset. Cameras have optical axes: x right, y down, z ahead; carriers x forward, y left, z
-up.
+up. Rows of a rolling shutter are exposed `line_delay` seconds one after the other, as in Kalibr,
+the first `first_row_time` seconds after the frame's instant.
 """
 
 import logging
@@ -88,6 +89,10 @@ def _format_opencv(view: AgentView, camera: int, carrier_from_camera: Matrix) ->
     storage.write("distortion_model", "equidistant" if is_fisheye else "plumb_bob")
     storage.write("distortion_coefficients", np.array([coefficients]))
     storage.write("carrier_from_camera", carrier_from_camera)
+    if _is_rolling(view, camera):
+        times_s = view.row_times(camera)
+        storage.write("first_row_time", float(times_s[0]))
+        storage.write("line_delay", float(times_s[1] - times_s[0]))
     return storage.releaseAndGetString()
 
 
@@ -101,8 +106,13 @@ def _format_kalibr(view: AgentView, carrier_from_cameras: Sequence[Matrix]) -> s
             step = camera_from_carrier @ carrier_from_cameras[camera - 1]
             described["T_cn_cnm1"] = step.tolist()
         if view.agent.sensors.imu is not None:
-            # The unit is at the origin of its carrier, and stamps are of the same clock.
-            described |= {"T_cam_imu": camera_from_carrier.tolist(), "timeshift_cam_imu": 0.0}
+            # The unit is at the origin of its carrier, and stamps are of the same clock; Kalibr
+            # takes the stamp of an image for the time of its first row.
+            shift_s = float(view.row_times(camera)[0])
+            described |= {
+                "T_cam_imu": camera_from_carrier.tolist(),
+                "timeshift_cam_imu": shift_s,
+            }
         chain[f"cam{camera}"] = described
     return yaml.safe_dump(chain, sort_keys=False, default_flow_style=None)
 
@@ -118,4 +128,16 @@ def _describe_for_kalibr(view: AgentView, camera: int) -> dict[str, Any]:
         "distortion_coeffs": [] if lens is None else list(lens.coefficients[:4]),
         "resolution": [model.width_px, model.height_px],
         "rostopic": f"/{view.agent.id}/camera{camera}",
+        **_describe_line_delay(view, camera),
     }
+
+
+def _describe_line_delay(view: AgentView, camera: int) -> dict[str, float]:
+    if not _is_rolling(view, camera):
+        return {}
+    first_s, second_s = view.row_times(camera)[:2].tolist()
+    return {"line_delay": second_s - first_s}
+
+
+def _is_rolling(view: AgentView, camera: int) -> bool:
+    return view.agent.sensors.cameras[camera].camera.is_rolling

@@ -88,21 +88,31 @@ def to_rotation_vector(rotation: Matrix) -> Matrix:
     return twice_sine / (2.0 * np.sinc(angle / np.pi))
 
 
-def interpolate_poses(first: Matrix, second: Matrix, fraction: ArrayLike) -> Matrix:
-    """Interpolate poses (n, 4, 4) at fractions (n,) between two poses (4, 4).
+def from_rotation_vector(vector: Matrix) -> Matrix:
+    """Convert axis times angle (3,), radians, to a rotation (3, 3)."""
+    return _turn_partly(vector, np.ones((1, 1, 1)))[0]
 
-    Positions are linear, rotations go evenly about one axis (Rodrigues' formula); fractions 0 and
-    1 give the two poses exactly.
-    """
-    part = np.asarray(fraction, dtype=np.float64)[:, None, None]
-    x, y, z = to_rotation_vector(first[:3, :3].T @ second[:3, :3])
+
+def _turn_partly(vector: Matrix, part: Matrix) -> Matrix:
+    """Compute rotations (n, 3, 3) by parts (n, 1, 1) of axis times angle, by Rodrigues' formula."""
+    x, y, z = vector
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     angle = part * np.sqrt(x * x + y * y + z * z)
-    turn = (
+    return (
         np.eye(3)
         + part * np.sinc(angle / np.pi) * across
         + 0.5 * (part * np.sinc(angle / (2.0 * np.pi))) ** 2 * (across @ across)
     )
+
+
+def interpolate_poses(first: Matrix, second: Matrix, fraction: ArrayLike) -> Matrix:
+    """Interpolate poses (n, 4, 4) at fractions (n,) between two poses (4, 4).
+
+    Positions are linear, rotations go evenly about one axis; fractions 0 and 1 give the two poses
+    exactly.
+    """
+    part = np.asarray(fraction, dtype=np.float64)[:, None, None]
+    turn = _turn_partly(to_rotation_vector(first[:3, :3].T @ second[:3, :3]), part)
     result = np.zeros((len(part), 4, 4))
     result[:, :3, :3] = first[:3, :3] @ turn
     result[:, :3, 3] = first[:3, 3] + part[:, :, 0] * (second[:3, 3] - first[:3, 3])

@@ -32,6 +32,7 @@ from advercity.sensors.gnss import ReceiverInPlace, SkyView, measure_gnss
 from advercity.sensors.imu import ImuConditions, measure_imu
 from advercity.sensors.measurements import CanSample, GnssFix, ImuSample
 from advercity.sensors.radar import PlacedRadar
+from advercity.sensors.rolling_shutter import RollingCamera, compute_row_times
 from advercity.sensors.sample_times import list_sample_times
 from advercity.sensors.sensor_frame import CameraImage, LidarScan, RadarScan, SensorFrame
 from advercity.traffic.figures import assign_figures, number_figures
@@ -176,10 +177,25 @@ class AgentPoses:
             frame, states=tuple(_extrapolate_back(state, after) for state in frame.states)
         )
 
-    def world_from_cameras(self, agent: Agent, index: int) -> list[Matrix]:
-        """Return `world_from_camera` (4, 4) of each camera of an agent."""
+    def world_from_cameras(self, agent: Agent, index: int, *, time_s: float = 0.0) -> list[Matrix]:
+        """Return `world_from_camera` (4, 4) of each camera of an agent.
+
+        `time_s` is less than a tick from the instant of recorded frame `index`.
+        """
         mounts = [item.mount for item in agent.sensors.cameras]
-        return self._world_from_mounts(agent, mounts, index)
+        return self._world_from_mounts(agent, mounts, index, time_s)
+
+    def find_rolling_camera(self, agent: Agent, camera: int, index: int) -> RollingCamera | None:
+        """Find the poses of a camera while its rows are exposed; None if all are at once."""
+        kind = agent.sensors.cameras[camera].camera
+        if not kind.is_rolling:
+            return None
+        start_s, end_s = compute_row_times(np.array([0.0, 1.0]), kind, 1).tolist()
+        upper, lower = (
+            self.world_from_cameras(agent, index, time_s=time_s)[camera]
+            for time_s in (start_s, end_s)
+        )
+        return RollingCamera(end_s - start_s, upper, lower)
 
     def place_radars(self, agent: Agent, frame: Frame) -> list[PlacedRadar]:
         """Place the radars of an agent in a frame."""
@@ -199,7 +215,9 @@ class AgentPoses:
             for item, pose in zip(radars, world_from_radars, strict=True)
         ]
 
-    def _world_from_mounts(self, agent: Agent, mounts: Sequence[Mount], index: int) -> list[Matrix]:
+    def _world_from_mounts(
+        self, agent: Agent, mounts: Sequence[Mount], index: int, time_s: float = 0.0
+    ) -> list[Matrix]:
         """Return the poses (4, 4) of sensors that look ahead from their mounts.
 
         Those of a roadside unit turn about the vertical before they tilt, so that all of them look
@@ -207,10 +225,11 @@ class AgentPoses:
         """
         place = agent.place
         if not isinstance(place, RoadsideUnit):
-            return [
-                self.world_from_agent(agent, index) @ _carrier_from_sensor(mount)
-                for mount in mounts
-            ]
+            carrier = self.world_from_agent(agent, index)
+            if time_s:
+                motion = self._find_motion(agent, self._traced(index))
+                carrier = motion.advance_pose(carrier, time_s)
+            return [carrier @ _carrier_from_sensor(mount) for mount in mounts]
         upright = poses.pose_matrix(place.position_m, yaw=math.radians(place.yaw_deg))
         tilt = poses.pose_matrix(
             (0, 0, 0), pitch=math.radians(place.pitch_deg), roll=math.radians(place.roll_deg)

@@ -103,14 +103,18 @@ def estimate_rates(work: FrameWork, records: Sequence[RunRecord]) -> FrameRates:
     scaled = list(zip(alike, factors, strict=True))
     return FrameRates(
         setup_s=median(one.setup_s for one in alike),
-        frame_s=median(one.frame_s * factor for one, factor in scaled),
+        frame_s=median(one.frame_s * factor * work.renders / one.renders for one, factor in scaled),
         frame_bytes=min(most_bytes, median(one.frame_bytes * factor for one, factor in scaled)),
         memory_bytes=median(one.memory_bytes * max(1.0, factor) for one, factor in scaled),
     )
 
 
 def _is_comparable(work: FrameWork, record: RunRecord) -> bool:
-    ratios = (work.pixels / record.pixels, work.beams / record.beams)
+    ratios = (
+        work.pixels / record.pixels,
+        work.beams / record.beams,
+        work.renders / record.renders,
+    )
     return all(1 / MAX_EXTRAPOLATION <= ratio <= MAX_EXTRAPOLATION for ratio in ratios)
 
 
@@ -124,6 +128,7 @@ class ScenarioEstimate:
         existing_frames: Frames that are in the output already.
         is_exact: Whether the number of frames is known, or an upper bound.
         pictures: Images of all cameras in those frames.
+        renders: How often each is rendered, on average.
         size_bytes: Files to write.
         time_s: Wall-clock time with one worker; None if no comparable run was recorded.
         memory_bytes: Resident memory of a worker.
@@ -137,15 +142,17 @@ class ScenarioEstimate:
     size_bytes: int
     time_s: float | None
     memory_bytes: int
+    renders: float = 1.0
 
     def to_row(self) -> dict[str, str | int]:
         """Return the row of a table, by its heads."""
         existing = f" ({self.existing_frames} exist)" if self.existing_frames else ""
+        times = f"{self.pictures} (rendered {self.renders:.3g} times)"
         bound = "at most " if self.time_s is None else ""  # nothing comparable was recorded
         return {
             "scenario": self.scenario,
             "frames": f"{'' if self.is_exact else 'at most '}{self.frames}{existing}",
-            "images": self.pictures,
+            "images": times if self.renders > 1 else self.pictures,
             "size": f"{bound}{format_byte_size(self.size_bytes)}",
             "time": "unknown" if self.time_s is None else format_duration(self.time_s),
             "memory": f"{bound}{format_byte_size(self.memory_bytes)}",
@@ -171,6 +178,7 @@ class RunEstimate:
         """All scenarios together."""
         items = self.estimates
         times_s = [item.time_s for item in items if item.time_s is not None]
+        pictures = sum(item.pictures for item in items)
         at_a_time = min(self.jobs, max(count_usable_cores(), len(find_visible_gpus())))
         scenarios = "1 scenario" if len(items) == 1 else f"{len(items)} scenarios"
         workers = "1 process" if self.jobs == 1 else f"{self.jobs} processes"
@@ -179,7 +187,8 @@ class RunEstimate:
             frames=sum(item.frames for item in items),
             existing_frames=sum(item.existing_frames for item in items),
             is_exact=all(item.is_exact for item in items),
-            pictures=sum(item.pictures for item in items),
+            pictures=pictures,
+            renders=sum(item.renders * item.pictures for item in items) / max(1, pictures) or 1.0,
             size_bytes=sum(item.size_bytes for item in items),
             time_s=sum(times_s) / at_a_time if len(times_s) == len(items) else None,
             memory_bytes=self._sum_memory(),
@@ -277,7 +286,8 @@ def _choose_limits(
     if profile.renderer == "ray_traced":
         pixel_s += SLOW_S_PER_TRACED_SAMPLE * profile.samples
     slow_s = [
-        SLOW_SETUP_S + item.frames * (SLOW_S_PER_BEAM * work.beams + pixel_s * work.pixels)
+        SLOW_SETUP_S
+        + item.frames * (SLOW_S_PER_BEAM * work.beams + pixel_s * work.pixels * work.renders)
         for item, work in zip(estimates, works, strict=True)
     ]
     times_s = [item.time_s for item in estimates if item.time_s is not None]
@@ -378,6 +388,7 @@ def _estimate_scenario(
         existing_frames=len(existing),
         is_exact=trace is not None,
         pictures=frames * work.images,
+        renders=work.renders,
         size_bytes=round(frames * rates.frame_bytes),
         time_s=time_s,
         memory_bytes=round(rates.memory_bytes),

@@ -37,12 +37,14 @@ class FrameWork:
         images: Images of all cameras; each comes with its classes and depths.
         pixels: Pixels that are rendered for all those images.
         beams: Beams of all LiDARs, and rays of all radars.
+        renders: How often each pixel is rendered, on average: more than once with rolling shutters.
     """
 
     agents: int
     images: int
     pixels: int
     beams: int
+    renders: float = 1.0
 
     @staticmethod
     def from_spec(spec: Spec, scale: float) -> "FrameWork":
@@ -55,11 +57,14 @@ class FrameWork:
             CameraModel.build(camera, camera.width_px, camera.height_px).rendered_size
             for camera in cameras
         ]
+        pixels = [math.prod(size) for size in sizes]
+        renders = [camera.renders for camera in cameras]
         return FrameWork(
             agents=len(spec.agents),
             images=len(cameras),
-            pixels=max(1, round(sum(map(math.prod, sizes)) * scale**2)),
+            pixels=max(1, round(sum(pixels) * scale**2)),
             beams=beams + sum(radar.rays for radar in radars),
+            renders=sum(map(math.prod, zip(pixels, renders, strict=True))) / sum(pixels),
         )
 
 
@@ -71,7 +76,7 @@ class RunRecord(Model):
         backend: Name of the rendering backend.
         renderer: `raster` or `ray_traced`.
         format: Dataset layout.
-        pixels, beams: Work of a frame, as in `FrameWork`.
+        pixels, beams, renders: Work of a frame, as in `FrameWork`.
         setup_s: Wall-clock time until the first frame is begun.
         frame_s: Wall-clock time per frame of a worker that has a core to itself.
         frame_bytes: Files of a frame.
@@ -84,6 +89,7 @@ class RunRecord(Model):
     format: str
     pixels: Annotated[int, Field(ge=1)]
     beams: Annotated[int, Field(ge=1)]
+    renders: Annotated[float, Field(ge=1)] = 1.0
     setup_s: Annotated[float, Field(ge=0, le=3600)]
     frame_s: Annotated[float, Field(ge=0, le=3600)]
     frame_bytes: Annotated[float, Field(ge=0, le=1e11)]
@@ -117,6 +123,7 @@ def record_run(spec: Spec, options: RunOptions, result: ScenarioResult, worker_c
             format=options.format,
             pixels=work.pixels,
             beams=work.beams,
+            renders=work.renders,
             setup_s=result.setup_s,
             frame_s=result.frame_s * min(1.0, count_usable_cores() / worker_count),
             frame_bytes=manifest.size_bytes / len(manifest.frames),

@@ -4,6 +4,7 @@ import math
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 from advercity_dsl import Agent, RoadsideUnit, Spec
@@ -33,6 +34,7 @@ from advercity.rendering.raycaster import Raycaster
 from advercity.sensors.annotation import build_hull_point_lookup, count_lidar_hits, project_boxes
 from advercity.sensors.camera import CameraExposure, ExposedImage, render_image
 from advercity.sensors.camera.lens_map import build_lens_map
+from advercity.sensors.camera.moments import MomentBlender
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.gnss import SkyView
 from advercity.sensors.lidar import (
@@ -80,6 +82,7 @@ class SensorRig:
         self._world, self._renderer, self._raycaster = world, renderer, Raycaster(world)
         self._sky = SkyView(self._raycaster)
         self._conditions_by_frame, self._conditions = conditions, conditions.at(0)
+        self._placed_frame: Frame | None = None
         self._light_sources: tuple[LightSource, ...] = ()
         self._hull_points = build_hull_point_lookup(world.bodies)
         self._move_points = build_point_mover(world.bodies)
@@ -93,13 +96,7 @@ class SensorRig:
         motion = SceneMotion(frame, self._world.bodies)
         fixes = self._measure_fixes(frame)
         radars = {agent.id: self._poses.place_radars(agent, frame) for agent in agents}
-        captures = self._renderer.render_cameras(
-            [
-                build_camera_view(agent, camera, pose, self._profile)
-                for agent in agents
-                for camera, pose in enumerate(self._poses.world_from_cameras(agent, index))
-            ]
-        )
+        captures = self._render_captures(frame)
         return self._send_messages(
             [
                 self._build_sensor_frame(
@@ -113,18 +110,58 @@ class SensorRig:
         """Render the image (h, w, 3), RGB, of one camera alone in recorded frame `index`."""
         frame = self._place_frame(index)
         pose = self._poses.world_from_cameras(agent, index)[camera]
-        capture = self._render_view(agent, camera, pose)
+        capture = self._capture_moments(agent, [camera], frame)[0]
         return self._render_image(capture, agent, camera, pose, frame).image
 
     def capture_camera(self, agent: Agent, camera: int, index: int) -> CameraCapture:
         """Render the light that arrives at one camera alone in recorded frame `index`."""
-        self._place_frame(index)
-        return self._render_view(
-            agent, camera, self._poses.world_from_cameras(agent, index)[camera]
+        frame = self._place_frame(index)
+        return self._capture_moments(agent, [camera], frame)[0]
+
+    def _render_captures(self, frame: Frame) -> Iterator[CameraCapture]:
+        """Render the light at all cameras of the placed frame, by agents and their cameras."""
+        agents = self._spec.agents
+        if any(item.camera.is_rolling for agent in agents for item in agent.sensors.cameras):
+            # Agent by agent, since the images of all would take much memory.
+            return chain.from_iterable(
+                self._capture_moments(agent, range(len(agent.sensors.cameras)), frame)
+                for agent in agents
+            )
+        return self._renderer.render_cameras(
+            [
+                build_camera_view(agent, camera, pose, self._profile)
+                for agent in agents
+                for camera, pose in enumerate(self._poses.world_from_cameras(agent, frame.index))
+            ]
         )
 
-    def _render_view(self, agent: Agent, camera: int, pose: Matrix) -> CameraCapture:
-        return self._renderer.render_camera(build_camera_view(agent, camera, pose, self._profile))
+    def _capture_moments(
+        self, agent: Agent, cameras: Sequence[int], frame: Frame
+    ) -> list[CameraCapture]:
+        """Render the light at some cameras of an agent, at all moments of their images."""
+        blenders = {camera: self._build_blender(agent, camera) for camera in cameras}
+        for time_s in sorted(set[float]().union(*(one.times_s for one in blenders.values()))):
+            self._place_actors(frame.advance(time_s) if time_s else frame)
+            poses_now = self._poses.world_from_cameras(agent, frame.index, time_s=time_s)
+            shown = [camera for camera in cameras if time_s in blenders[camera].times_s]
+            captures = self._renderer.render_cameras(
+                [
+                    build_camera_view(agent, camera, poses_now[camera], self._profile)
+                    for camera in shown
+                ]
+            )
+            for camera, capture in zip(shown, captures, strict=True):
+                blenders[camera].add(capture, time_s)
+        return [blenders[camera].finish() for camera in cameras]
+
+    def _build_blender(self, agent: Agent, camera: int) -> MomentBlender:
+        kind = agent.sensors.cameras[camera].camera
+        return MomentBlender(kind, build_camera_model(agent, camera, self._profile))
+
+    def _place_actors(self, frame: Frame) -> None:
+        if frame is not self._placed_frame:
+            self._renderer.place(frame)
+            self._placed_frame = frame
 
     def _place_frame(self, index: int) -> Frame:
         """Place weather and actors of recorded frame `index` in the renderer."""
@@ -132,8 +169,9 @@ class SensorRig:
         atmosphere = self._conditions.atmosphere
         if atmosphere is not before.atmosphere:
             self._renderer.change_atmosphere(atmosphere)
+            self._placed_frame = None
         frame = self._fit_boxes(self._poses.load_frame(index))
-        self._renderer.place(frame)
+        self._place_actors(frame)
         is_night = atmosphere.night
         self._light_sources = tuple(list_light_sources(self._world, frame)) if is_night else ()
         return frame
@@ -224,8 +262,11 @@ class SensorRig:
             lens_map = build_lens_map(model)
             seen = capture if lens_map is None else lens_map.select(capture)
             kind = agent.sensors.cameras[camera].camera
+            rolling = self._poses.find_rolling_camera(agent, camera, frame.index)
+            row_poses = rolling.find_row_poses(model.height_px) if rolling else pose[None]
             yield CameraImage(
                 world_from_camera=pose,
+                rolling=rolling,
                 image=exposed.image,
                 semantic=seen.semantic,
                 depth_cm=quantise_depth(seen.depth),
@@ -236,9 +277,10 @@ class SensorRig:
                     frame,
                     self._hull_points,
                     hide=_carrier_ids(agent),
+                    rolling=rolling,
                 ),
                 instance=seen.instance if "instance" in kind.truth else None,
-                normal=_turn_normals(seen.normal, pose) if "normal" in kind.truth else None,
+                normal=_turn_normals(seen.normal, row_poses) if "normal" in kind.truth else None,
                 flow=(
                     self._measure_flow(seen, agent, camera, frame, model)
                     if "flow" in kind.truth
@@ -326,9 +368,12 @@ def build_camera_view(
 
 
 def _turn_normals(normal: NDArray[np.float32], world_from_camera: Matrix) -> NDArray[np.float32]:
-    """Turn vectors (h, w, 3) of the world into a camera's optical axes."""
-    rotation = poses.OPTICAL_FROM_BODY[:3, :3] @ world_from_camera[:3, :3].T
-    return (normal @ rotation.T).astype(np.float32)
+    """Turn vectors (h, w, 3) of the world into a camera's optical axes.
+
+    Its poses (h, 4, 4) are those of all rows, or one (1, 4, 4) of the whole image.
+    """
+    rotations = poses.OPTICAL_FROM_BODY[:3, :3] @ world_from_camera[:, :3, :3].swapaxes(1, 2)
+    return (normal @ rotations.swapaxes(1, 2)).astype(np.float32)
 
 
 def _carrier_ids(agent: Agent) -> frozenset[int]:

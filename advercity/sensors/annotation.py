@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 from advercity.assets.body_pose import BodyShape, compute_body_pose
 from advercity.frames import ActorState, Frame
 from advercity.geometry import poses
+from advercity.geometry.arrays import Float64Array
 from advercity.geometry.boxes import BOX_EDGES
 from advercity.geometry.directions import spread_directions
 from advercity.geometry.poses import Matrix
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.lidar.scan import ScanHits
 from advercity.sensors.measurements import PointKind
+from advercity.sensors.rolling_shutter import RollingCamera
 from advercity.sensors.sensor_frame import PixelBox, ProjectedBox, SensorFrame
 from advercity.world import Body
 
@@ -86,6 +88,7 @@ def project_boxes(
     find_hull_points: HullPointLookup,
     *,
     hide: frozenset[int] = frozenset(),
+    rolling: RollingCamera | None = None,
 ) -> dict[int, ProjectedBox]:
     """Project every actor whose outline overlaps an image, by its id.
 
@@ -96,18 +99,24 @@ def project_boxes(
         frame: States of all actors.
         find_hull_points: Returns points whose convex hull is the actor's.
         hide: Ids of actors that the camera does not show, as its own vehicle.
+        rolling: Times and poses of the image's rows; None if all are exposed at once.
     """
     visible = _measure_visible_pixels(instance)
     camera_from_world = poses.invert_pose(world_from_camera)
+
+    def place_points(state: ActorState, points: Float64Array) -> Float64Array:
+        if rolling is not None:
+            return rolling.place_moving_points(state, points, camera)
+        return poses.transform_points(camera_from_world @ state.world_from_body, points)
+
     found: dict[int, ProjectedBox] = {}
     for state in frame.states:
         if state.actor.id in hide:
             continue
-        camera_from_body = camera_from_world @ state.world_from_body
-        corners = poses.transform_points(camera_from_body, state.box.corners)
+        corners = place_points(state, state.box.corners)
         if corners[:, 0].max() <= NEAR_PLANE_M:
             continue
-        points = poses.transform_points(camera_from_body, find_hull_points(state))
+        points = place_points(state, find_hull_points(state))
         outline = _project_outline(points, corners, camera)
         box = _clip_to_image(outline, visible.get(state.actor.id), camera)
         if box is not None:

@@ -23,6 +23,7 @@ from advercity.sensors.measurements import (
     RadarDetections,
 )
 from advercity.sensors.messages import SentMessages
+from advercity.sensors.rolling_shutter import RollingCamera
 
 PixelBox = tuple[float, float, float, float]
 """Left, top, right and bottom in pixels; pixel k extends from k to k + 1."""
@@ -74,6 +75,7 @@ class CameraImage:
         hdr: (h, w, 3) uint16, linear; None if the rig does not ask.
         raw: (h, w) uint16, of the sensor's pixels; None if the rig does not ask.
         readout: What the values of `hdr` and `raw` mean; None if the rig asks for neither.
+        rolling: Poses while the rows are exposed; None if all are at the frame's instant.
     """
 
     world_from_camera: Matrix
@@ -87,6 +89,7 @@ class CameraImage:
     hdr: NDArray[np.uint16] | None = None
     raw: NDArray[np.uint16] | None = None
     readout: CameraReadout | None = None
+    rolling: RollingCamera | None = None
 
 
 @dataclass(frozen=True, eq=False)

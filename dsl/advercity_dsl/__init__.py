@@ -16,7 +16,17 @@ from advercity_dsl.conflict import Conflict, OutcomeCriteria, StagedActor, Stage
 from advercity_dsl.inertial import Imu
 from advercity_dsl.lidar import Lidar, LidarModel
 from advercity_dsl.mount import Mount
-from advercity_dsl.rig import Camera, Exposure, Gnss, PointSpread, Radar, RawOutput, Rig, SensorSet
+from advercity_dsl.rig import (
+    Camera,
+    Exposure,
+    Gnss,
+    PointSpread,
+    Radar,
+    RawOutput,
+    Rig,
+    SensorSet,
+    Shutter,
+)
 from advercity_dsl.road import (
     MapFile,
     MapNetwork,
@@ -98,6 +108,7 @@ __all__ = [
     "Road",
     "RoadsideUnit",
     "SensorSet",
+    "Shutter",
     "Spec",
     "StagedActor",
     "StagedConflict",

@@ -37,6 +37,7 @@ from advercity_dsl.units import (
     Metres,
     MetresPerSecond,
     Milliradians,
+    Milliseconds,
     Number,
     PositiveMetres,
     RangeReason,
@@ -114,6 +115,27 @@ class RawOutput(CompactModel):
         return 2**self.bits - 1
 
 
+class Shutter(CompactModel):
+    """Rows that are exposed one after the other, from the top.
+
+    The frame's instant is the middle of the readout: there the middle row is exposed. The scene is
+    rendered once for each band of rows, as it is when the middle of the band is exposed; what moves
+    by p pixels in the readout is p / (2 bands) pixels off at most.
+    """
+
+    readout_ms: Annotated[Milliseconds, Field(ge=0, le=100)] = 0
+    """Time from the exposure of the first row to that of the last; 0 exposes all at once."""
+    bands: Annotated[Count, Field(ge=1, le=128)] = 8
+    """Bands of rows; each takes the time of an image."""
+
+    @model_validator(mode="after")
+    def _check_bands(self) -> Self:
+        if "bands" in self.model_fields_set and self.bands > 1 and self.readout_ms == 0:
+            message = "has no effect without readout_ms"
+            raise InvalidCombination(("bands",), message, "give the readout time of the sensor")
+        return self
+
+
 TruthImage = Literal["instance", "normal", "flow"]
 """An image of truth that a camera may have."""
 
@@ -142,6 +164,8 @@ class Camera(CompactModel):
     """Brightness of lens ghosts relative to a coated lens; 0 is none."""
     point_spread: PointSpread | None = Field(default=None, exclude_if=is_none)
     """Blur by the lens; without it, images are sharp to the pixel."""
+    shutter: Shutter | None = Field(default=None, exclude_if=is_none)
+    """Rolling shutter; without it, all rows are exposed at once."""
     hdr: Flag = Field(default=False, exclude_if=is_empty)
     """Whether a linear image of 16 bits is written too: what the sensor measured before the tone
     curve, with the stops of `highlights_ev`."""
@@ -183,6 +207,24 @@ class Camera(CompactModel):
             message = f"is more than {MAX_SPREAD_PX:g} pixels of this camera"
             raise InvalidCombination(place, message, f"give at most {limit_mrad:.2g}")
         return self
+
+    @model_validator(mode="after")
+    def _check_flow(self) -> Self:
+        if "flow" in self.truth and self.is_rolling:
+            message = "cannot be measured between images of a rolling shutter"
+            hint = "leave out `flow`, or `readout_ms` of the shutter"
+            raise InvalidCombination(("truth",), message, hint, other_path=("shutter",))
+        return self
+
+    @property
+    def is_rolling(self) -> bool:
+        """Whether its rows are exposed one after the other."""
+        return self.shutter is not None and self.shutter.readout_ms > 0
+
+    @property
+    def renders(self) -> int:
+        """Images that a renderer makes for one of this camera."""
+        return self.shutter.bands if self.shutter is not None and self.is_rolling else 1
 
     @property
     def focal_px(self) -> float:

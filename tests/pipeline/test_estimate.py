@@ -79,6 +79,22 @@ def test_the_work_of_a_frame_follows_from_the_rig(specs: dict[str, Spec]) -> Non
     assert work.beams == 5 * 120_000
 
 
+def test_images_of_rolling_shutters_take_the_time_of_their_bands(
+    specs: dict[str, Spec], records: Path, tmp_path: Path, options: OptionsFor
+) -> None:
+    document = specs["ui_fog_day_sparse"].model_dump(mode="json")
+    for agent in document["agents"][:1]:
+        agent["sensors"]["camera"]["shutter"] = {"readout_ms": 30, "bands": 6}
+    rolling = with_digest(Spec.model_validate(document))
+    work = FrameWork.from_spec(rolling, scale=0.25)
+    assert (work.images, work.pixels, work.renders) == (20, 20 * 480 * 270, 2.0)
+    known = record(pixels=work.pixels, beams=work.beams)
+    rates = estimate_rates(work, [known])
+    assert (rates.frame_s, rates.frame_bytes) == (2 * known.frame_s, known.frame_bytes)
+    estimate = estimate_run([rolling], options(tmp_path), jobs=1, simulate=False).estimates[0]
+    assert str(estimate.to_row()["images"]).endswith("(rendered 2 times)")
+
+
 @pytest.fixture
 def records(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """File of a machine on which nothing was run yet."""

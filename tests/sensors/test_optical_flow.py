@@ -1,5 +1,6 @@
 """Flow of walls, cars, limbs and the sky, against shifts computed by hand."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +12,8 @@ from advercity.frames import ActorState, Frame
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.physics.constants import GOLDEN_FRACTION
-from advercity.rendering.backend import CameraCapture
-from advercity.rendering.raycaster import Raycaster, Rays
+from advercity.rendering.backend import CameraCapture, CameraView
+from advercity.rendering.raycaster import Raycaster
 from advercity.semantics import Semantic
 from advercity.sensors.camera.lens_map import build_lens_map
 from advercity.sensors.camera_model import CameraModel
@@ -27,6 +28,7 @@ from advercity.testing import (
     make_frame,
 )
 from advercity.world import Body, Gait, World
+from tests.sensors.cast_renderer import CastRenderer
 from tests.sensors.opencv_lens import find_rays, project_points
 
 MODEL = CameraModel(80, 60, 100.0)
@@ -39,21 +41,10 @@ def look(
     world: World, frame: Frame, eye: Matrix = EYE, model: CameraModel = MODEL
 ) -> CameraCapture:
     """Cast a ray through the middle of every pixel of the plane that a backend would render."""
-    raycaster, (width, height) = Raycaster(world), model.rendered_size
-    raycaster.place(frame)
-    row, column = np.indices((height, width)).reshape(2, -1) + 0.5
-    right, down = (column - width / 2) / model.focal_px, (row - height / 2) / model.focal_px
-    rays = np.stack([np.ones_like(right), -right, -down], axis=1)
-    length = np.linalg.norm(rays, axis=1, keepdims=True)
-    directions = (rays / length @ eye[:3, :3].T).astype(np.float32)
-    origins = np.tile(eye[:3, 3].astype(np.float32), (len(rays), 1))
-    hits = raycaster.cast(Rays(origins, directions), 1000.0)
-    blank = make_capture(width, height)
-    depth = (hits.range_m / length[:, 0]).astype(np.float32)
-    return replace(
-        blank,
-        depth=depth.reshape(height, width),
-        instance=hits.instance.reshape(height, width),
+    (width, height), renderer = model.rendered_size, CastRenderer(world)
+    renderer.place(frame)
+    return renderer.render_camera(
+        CameraView(eye, width, height, 2 * math.atan(width / (2 * model.focal_px)))
     )
 
 
