@@ -41,11 +41,13 @@ def _compute_one(own: PlacedRadar, other: PlacedRadar) -> float:
 
 
 def _is_visible(own: PlacedRadar, other: PlacedRadar, raycaster: Raycaster) -> bool:
+    offset = other.world_from_radar[:3, 3] - own.world_from_radar[:3, 3]
+    distance_m = float(np.linalg.norm(offset))
+    if not distance_m:  # on one mount: neither is in front of the other
+        return False
     there, back = _find_directions(own, other)
     if not (is_in_view(own.radar, there)[0] and is_in_view(other.radar, back)[0]):
         return False
-    offset = other.world_from_radar[:3, 3] - own.world_from_radar[:3, 3]
-    distance_m = float(np.linalg.norm(offset))
     origin, direction = own.world_from_radar[None, :3, 3], (offset / distance_m)[None]
     rays = Rays(origin.astype(np.float32), direction.astype(np.float32))
     hits = raycaster.cast(rays, distance_m)

@@ -181,6 +181,14 @@ def test_a_radar_that_looks_away_or_is_hidden_disturbs_no_other() -> None:
         assert found.snr_db.max() == quiet.snr_db.max()
 
 
+def test_radars_on_one_mount_do_not_disturb_each_other() -> None:
+    target = trihedral(0.2, 50)
+    alone, beside = (
+        scan(WIDE, target, others=others).detections for others in ((), [place(WIDE, np.eye(4))])
+    )
+    assert np.array_equal(alone.snr_db, beside.snr_db)
+
+
 def test_rain_is_clutter_near_the_sensor_that_falls_and_drifts(rain: RadarConditions) -> None:
     found = scan(WIDE, *ROAD, pose=BUMPER, air=rain, velocity=(10, 0, 0)).detections
     drops = found.kind == PointKind.RAIN
