@@ -9,6 +9,10 @@ below the 110 GHz from which acrylic is listed; skin: Gabriel et al., Phys. Med.
 (1996), dry; water at 10 deg C: Liebe et al., Int. J. Infrared Millim. Waves 12, 659 (1991). Those
 of asphalt (4.8 up to 40 GHz in the same table), soil, plants and rubber are assumptions. So are
 roughnesses; slopes of bodies include what meshes leave out.
+
+Emissivities from 8 to 14 um are those of handbooks (Gaussorgues, Infrared Thermography, 1994; of
+chrome and bare sheet between polished and oxidised); responses to the sun are assumptions that give
+asphalt 30 K over the air at a summer's noon, and walls and roofs what is commonly measured.
 """
 
 from dataclasses import dataclass
@@ -75,13 +79,48 @@ WATER_77GHZ = RadarSurface(7.6 + 12.8j, 0.02, 0.05)
 
 
 @dataclass(frozen=True)
+class ThermalSurface:
+    """A surface in the infrared, and how it warms.
+
+    Attributes:
+        emissivity: From 8 to 14 um, facing it; the rest it reflects.
+        sun_response: How much of the excess of its temperature that the sun would give an
+            insulated sheet the sun gives it: the rest goes inside or evaporates.
+        stored: How much of the day's mean excess it keeps at any hour, and how little it cools
+            under a clear sky.
+    """
+
+    emissivity: float
+    sun_response: float
+    stored: float
+
+
+ASPHALT_LWIR = ThermalSurface(0.95, 0.55, 0.4)
+CONCRETE_LWIR = ThermalSurface(0.93, 0.6, 0.4)
+WALL_LWIR = ThermalSurface(0.92, 0.5, 0.4)
+GLASS_LWIR = ThermalSurface(0.85, 0.9, 0.0)
+WOOD_LWIR = ThermalSurface(0.92, 0.7, 0.1)
+SOIL_LWIR = ThermalSurface(0.94, 0.5, 0.3)
+PLANTS_LWIR = ThermalSurface(0.97, 0.2, 0.0)
+"""Leaves evaporate most of what they get from the sun."""
+RUBBER_LWIR = ThermalSurface(0.94, 0.8, 0.1)
+BARE_METAL_LWIR = ThermalSurface(0.30, 0.9, 0.0)
+SHEET_LWIR = ThermalSurface(0.92, 0.9, 0.0)
+"""Painted metal and plastics."""
+SKIN_LWIR = ThermalSurface(0.98, 0.0, 0.0)
+CLOTH_LWIR = ThermalSurface(0.93, 0.4, 0.0)
+WATER_LWIR = ThermalSurface(0.985, 0.1, 0.3)
+
+
+@dataclass(frozen=True)
 class Material:
-    """Optical properties of a surface, and those for radars.
+    """Optical properties of a surface, and those for radars and thermal cameras.
 
     Attributes:
         albedo: Linear sRGB; a texture varies it over the surface and keeps its mean.
         reflectance_905nm: Diffuse reflectance at the wavelength of LiDARs.
         radar: The surface at 77 GHz.
+        thermal: The surface in the infrared.
         roughness: Microfacet roughness of the specular lobe, 0 to 1.
         metallic: 0 for dielectrics, 1 for bare metal.
         texture: Pattern of the albedo.
@@ -96,6 +135,7 @@ class Material:
     albedo: tuple[float, float, float]
     reflectance_905nm: float
     radar: RadarSurface
+    thermal: ThermalSurface = SHEET_LWIR
     roughness: float = 0.9
     metallic: float = 0.0
     texture: Texture = Texture.PLAIN
@@ -128,7 +168,13 @@ def _car_paint(
     metallic: float = 0.0,
 ) -> Material:
     return Material(
-        albedo, reflectance_905nm, CAR_BODY_77GHZ, roughness, metallic, is_varnished=True
+        albedo,
+        reflectance_905nm,
+        CAR_BODY_77GHZ,
+        SHEET_LWIR,
+        roughness,
+        metallic,
+        is_varnished=True,
     )
 
 
@@ -137,6 +183,7 @@ MATERIALS: dict[str, Material] = {
         (0.10, 0.10, 0.105),
         0.20,
         ASPHALT_77GHZ,
+        ASPHALT_LWIR,
         roughness=0.85,
         texture=Texture.ASPHALT,
         maps="asphalt",
@@ -145,6 +192,7 @@ MATERIALS: dict[str, Material] = {
         (0.70, 0.70, 0.68),
         0.70,
         ASPHALT_77GHZ,
+        ASPHALT_LWIR,
         roughness=0.6,
         texture=Texture.MARKING,
         bead_reflectance=0.5,
@@ -153,44 +201,80 @@ MATERIALS: dict[str, Material] = {
         (0.70, 0.48, 0.06),
         0.60,
         ASPHALT_77GHZ,
+        ASPHALT_LWIR,
         roughness=0.6,
         texture=Texture.MARKING,
         bead_reflectance=0.5,
     ),
     "concrete": Material(
-        (0.36, 0.35, 0.33), 0.35, CONCRETE_77GHZ, texture=Texture.PAVING, maps="concrete"
+        (0.36, 0.35, 0.33),
+        0.35,
+        CONCRETE_77GHZ,
+        CONCRETE_LWIR,
+        texture=Texture.PAVING,
+        maps="concrete",
     ),
     "pavement": Material(
-        (0.36, 0.355, 0.34), 0.35, CONCRETE_77GHZ, texture=Texture.SLABS, maps="paving"
+        (0.36, 0.355, 0.34),
+        0.35,
+        CONCRETE_77GHZ,
+        CONCRETE_LWIR,
+        texture=Texture.SLABS,
+        maps="paving",
     ),
-    "kerb": Material((0.42, 0.41, 0.39), 0.35, CONCRETE_77GHZ, texture=Texture.STONE, maps="kerb"),
-    "gravel": Material((0.28, 0.26, 0.23), 0.30, SOIL_77GHZ, texture=Texture.STONE, maps="gravel"),
+    "kerb": Material(
+        (0.42, 0.41, 0.39), 0.35, CONCRETE_77GHZ, CONCRETE_LWIR, texture=Texture.STONE, maps="kerb"
+    ),
+    "gravel": Material(
+        (0.28, 0.26, 0.23), 0.30, SOIL_77GHZ, SOIL_LWIR, texture=Texture.STONE, maps="gravel"
+    ),
     "grass": Material(
-        (0.095, 0.135, 0.045), 0.40, PLANTS_77GHZ, texture=Texture.GRASS, maps="grass"
+        (0.095, 0.135, 0.045), 0.40, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.GRASS, maps="grass"
     ),
-    "soil": Material((0.17, 0.11, 0.07), 0.25, SOIL_77GHZ, texture=Texture.SOIL, maps="soil"),
-    "crops": Material((0.25, 0.27, 0.07), 0.45, PLANTS_77GHZ, texture=Texture.CROPS, maps="crops"),
-    "leaves": Material((0.06, 0.13, 0.03), 0.45, PLANTS_77GHZ, texture=Texture.LEAVES),
-    "needles": Material((0.035, 0.075, 0.03), 0.40, PLANTS_77GHZ, texture=Texture.LEAVES),
-    "bark": Material((0.12, 0.085, 0.06), 0.30, WOOD_77GHZ, texture=Texture.BARK, maps="bark"),
-    "brick": Material((0.33, 0.14, 0.10), 0.35, BRICK_77GHZ, texture=Texture.BRICK, maps="brick"),
+    "soil": Material(
+        (0.17, 0.11, 0.07), 0.25, SOIL_77GHZ, SOIL_LWIR, texture=Texture.SOIL, maps="soil"
+    ),
+    "crops": Material(
+        (0.25, 0.27, 0.07), 0.45, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.CROPS, maps="crops"
+    ),
+    "leaves": Material((0.06, 0.13, 0.03), 0.45, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES),
+    "needles": Material(
+        (0.035, 0.075, 0.03), 0.40, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES
+    ),
+    "bark": Material(
+        (0.12, 0.085, 0.06), 0.30, WOOD_77GHZ, WOOD_LWIR, texture=Texture.BARK, maps="bark"
+    ),
+    "brick": Material(
+        (0.33, 0.14, 0.10), 0.35, BRICK_77GHZ, WALL_LWIR, texture=Texture.BRICK, maps="brick"
+    ),
     "plaster": Material(
-        (0.58, 0.54, 0.46), 0.60, PLASTER_77GHZ, texture=Texture.PLASTER, maps="plaster"
+        (0.58, 0.54, 0.46), 0.60, PLASTER_77GHZ, WALL_LWIR, texture=Texture.PLASTER, maps="plaster"
     ),
     "plaster_ochre": Material(
-        (0.54, 0.38, 0.20), 0.55, PLASTER_77GHZ, texture=Texture.PLASTER, maps="plaster"
+        (0.54, 0.38, 0.20), 0.55, PLASTER_77GHZ, WALL_LWIR, texture=Texture.PLASTER, maps="plaster"
     ),
     "plaster_white": Material(
-        (0.68, 0.67, 0.64), 0.65, PLASTER_77GHZ, texture=Texture.PLASTER, maps="plaster"
+        (0.68, 0.67, 0.64), 0.65, PLASTER_77GHZ, WALL_LWIR, texture=Texture.PLASTER, maps="plaster"
     ),
     "roof_tile": Material(
-        (0.24, 0.09, 0.06), 0.35, CONCRETE_77GHZ, texture=Texture.TILES, maps="roof_tile"
+        (0.24, 0.09, 0.06),
+        0.35,
+        CONCRETE_77GHZ,
+        CONCRETE_LWIR,
+        texture=Texture.TILES,
+        maps="roof_tile",
     ),
-    "wood": Material((0.30, 0.20, 0.12), 0.50, WOOD_77GHZ, texture=Texture.WOOD, maps="wood"),
-    "metal": Material((0.45, 0.45, 0.46), 0.30, METAL_77GHZ, roughness=0.4, metallic=0.9),
-    "glass": Material((0.03, 0.035, 0.04), 0.02, GLASS_77GHZ, roughness=0.05, is_transparent=True),
-    "rubber": Material((0.025, 0.025, 0.025), 0.04, RUBBER_77GHZ),
-    "black_plastic": Material((0.04, 0.04, 0.04), 0.06, PLASTIC_77GHZ, roughness=0.5),
+    "wood": Material(
+        (0.30, 0.20, 0.12), 0.50, WOOD_77GHZ, WOOD_LWIR, texture=Texture.WOOD, maps="wood"
+    ),
+    "metal": Material(
+        (0.45, 0.45, 0.46), 0.30, METAL_77GHZ, BARE_METAL_LWIR, roughness=0.4, metallic=0.9
+    ),
+    "glass": Material(
+        (0.03, 0.035, 0.04), 0.02, GLASS_77GHZ, GLASS_LWIR, roughness=0.05, is_transparent=True
+    ),
+    "rubber": Material((0.025, 0.025, 0.025), 0.04, RUBBER_77GHZ, RUBBER_LWIR),
+    "black_plastic": Material((0.04, 0.04, 0.04), 0.06, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.5),
     "car_paint_white": _car_paint((0.78, 0.78, 0.77), 0.75),
     "car_paint_silver": _car_paint((0.48, 0.49, 0.50), 0.50, metallic=0.3),
     "car_paint_grey": _car_paint((0.12, 0.125, 0.13), 0.30, metallic=0.2),
@@ -206,63 +290,88 @@ MATERIALS: dict[str, Material] = {
     "car_paint_navy": _car_paint((0.010, 0.018, 0.050), 0.12, metallic=0.2),
     "car_paint_wine": _car_paint((0.13, 0.012, 0.018), 0.40, metallic=0.1),
     "car_paint_beige": _car_paint((0.34, 0.29, 0.22), 0.50, metallic=0.2),
-    "chrome": Material((0.62, 0.62, 0.63), 0.30, CAR_BODY_77GHZ, roughness=0.12, metallic=1.0),
-    "upholstery": Material((0.06, 0.06, 0.065), 0.35, PLASTIC_77GHZ),
+    "chrome": Material(
+        (0.62, 0.62, 0.63), 0.30, CAR_BODY_77GHZ, BARE_METAL_LWIR, roughness=0.12, metallic=1.0
+    ),
+    "upholstery": Material((0.06, 0.06, 0.065), 0.35, PLASTIC_77GHZ, SHEET_LWIR),
     "licence_plate": Material(
-        (0.65, 0.65, 0.62), 0.90, PLATE_77GHZ, roughness=0.5, sheeting_reflectance=190.0
+        (0.65, 0.65, 0.62),
+        0.90,
+        PLATE_77GHZ,
+        SHEET_LWIR,
+        roughness=0.5,
+        sheeting_reflectance=190.0,
     ),
-    "lamp_white": Material((0.9, 0.9, 0.85), 0.50, PLASTIC_77GHZ, roughness=0.2),
+    "lamp_white": Material((0.9, 0.9, 0.85), 0.50, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.2),
     "lamp_red": Material(
-        (0.45, 0.02, 0.02), 0.50, PLASTIC_77GHZ, roughness=0.2, sheeting_reflectance=20.0
+        (0.45, 0.02, 0.02),
+        0.50,
+        PLASTIC_77GHZ,
+        SHEET_LWIR,
+        roughness=0.2,
+        sheeting_reflectance=20.0,
     ),
-    "lamp_amber": Material((0.60, 0.22, 0.02), 0.50, PLASTIC_77GHZ, roughness=0.2),
-    "lamp_amber_left": Material((0.60, 0.22, 0.02), 0.50, PLASTIC_77GHZ, roughness=0.2),
-    "lamp_amber_right": Material((0.60, 0.22, 0.02), 0.50, PLASTIC_77GHZ, roughness=0.2),
-    "skin": Material((0.45, 0.29, 0.21), 0.55, SKIN_77GHZ),
-    "skin_brown": Material((0.27, 0.155, 0.095), 0.52, SKIN_77GHZ),
-    "skin_dark": Material((0.10, 0.058, 0.038), 0.45, SKIN_77GHZ),
-    "hair_black": Material((0.018, 0.016, 0.015), 0.25, SKIN_77GHZ),
-    "hair_brown": Material((0.07, 0.042, 0.025), 0.35, SKIN_77GHZ),
-    "hair_blond": Material((0.36, 0.25, 0.11), 0.55, SKIN_77GHZ),
-    "hair_grey": Material((0.33, 0.32, 0.31), 0.50, SKIN_77GHZ),
-    "hair_red": Material((0.22, 0.075, 0.025), 0.45, SKIN_77GHZ),
-    "leather": Material((0.035, 0.025, 0.02), 0.30, CLOTH_77GHZ, roughness=0.6),
-    "cloth_light": Material((0.55, 0.53, 0.48), 0.75, CLOTH_77GHZ),
-    "cloth_white": Material((0.74, 0.74, 0.73), 0.80, CLOTH_77GHZ),
-    "cloth_grey": Material((0.20, 0.20, 0.21), 0.50, CLOTH_77GHZ),
-    "cloth_dark": Material((0.06, 0.065, 0.08), 0.45, CLOTH_77GHZ),
-    "cloth_black": Material((0.018, 0.018, 0.02), 0.08, CLOTH_77GHZ),
-    "cloth_blue": Material((0.08, 0.13, 0.28), 0.45, CLOTH_77GHZ),
-    "cloth_denim": Material((0.055, 0.085, 0.15), 0.50, CLOTH_77GHZ),
-    "cloth_red": Material((0.38, 0.06, 0.05), 0.50, CLOTH_77GHZ),
-    "cloth_green": Material((0.06, 0.15, 0.07), 0.45, CLOTH_77GHZ),
-    "cloth_brown": Material((0.17, 0.105, 0.06), 0.50, CLOTH_77GHZ),
-    "cloth_yellow": Material((0.62, 0.44, 0.05), 0.65, CLOTH_77GHZ),
-    "sign_red": Material((0.55, 0.03, 0.03), 0.90, PLATE_77GHZ, sheeting_reflectance=300.0),
-    "sign_yellow": Material((0.75, 0.55, 0.03), 0.90, PLATE_77GHZ, sheeting_reflectance=300.0),
-    "signal_red": Material((0.20, 0.015, 0.012), 0.30, PLASTIC_77GHZ, roughness=0.2),
-    "signal_yellow": Material((0.22, 0.12, 0.01), 0.30, PLASTIC_77GHZ, roughness=0.2),
-    "signal_green": Material((0.012, 0.14, 0.09), 0.30, PLASTIC_77GHZ, roughness=0.2),
+    "lamp_amber": Material((0.60, 0.22, 0.02), 0.50, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.2),
+    "lamp_amber_left": Material((0.60, 0.22, 0.02), 0.50, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.2),
+    "lamp_amber_right": Material(
+        (0.60, 0.22, 0.02), 0.50, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.2
+    ),
+    "skin": Material((0.45, 0.29, 0.21), 0.55, SKIN_77GHZ, SKIN_LWIR),
+    "skin_brown": Material((0.27, 0.155, 0.095), 0.52, SKIN_77GHZ, SKIN_LWIR),
+    "skin_dark": Material((0.10, 0.058, 0.038), 0.45, SKIN_77GHZ, SKIN_LWIR),
+    "hair_black": Material((0.018, 0.016, 0.015), 0.25, SKIN_77GHZ, SKIN_LWIR),
+    "hair_brown": Material((0.07, 0.042, 0.025), 0.35, SKIN_77GHZ, SKIN_LWIR),
+    "hair_blond": Material((0.36, 0.25, 0.11), 0.55, SKIN_77GHZ, SKIN_LWIR),
+    "hair_grey": Material((0.33, 0.32, 0.31), 0.50, SKIN_77GHZ, SKIN_LWIR),
+    "hair_red": Material((0.22, 0.075, 0.025), 0.45, SKIN_77GHZ, SKIN_LWIR),
+    "leather": Material((0.035, 0.025, 0.02), 0.30, CLOTH_77GHZ, CLOTH_LWIR, roughness=0.6),
+    "cloth_light": Material((0.55, 0.53, 0.48), 0.75, CLOTH_77GHZ, CLOTH_LWIR),
+    "cloth_white": Material((0.74, 0.74, 0.73), 0.80, CLOTH_77GHZ, CLOTH_LWIR),
+    "cloth_grey": Material((0.20, 0.20, 0.21), 0.50, CLOTH_77GHZ, CLOTH_LWIR),
+    "cloth_dark": Material((0.06, 0.065, 0.08), 0.45, CLOTH_77GHZ, CLOTH_LWIR),
+    "cloth_black": Material((0.018, 0.018, 0.02), 0.08, CLOTH_77GHZ, CLOTH_LWIR),
+    "cloth_blue": Material((0.08, 0.13, 0.28), 0.45, CLOTH_77GHZ, CLOTH_LWIR),
+    "cloth_denim": Material((0.055, 0.085, 0.15), 0.50, CLOTH_77GHZ, CLOTH_LWIR),
+    "cloth_red": Material((0.38, 0.06, 0.05), 0.50, CLOTH_77GHZ, CLOTH_LWIR),
+    "cloth_green": Material((0.06, 0.15, 0.07), 0.45, CLOTH_77GHZ, CLOTH_LWIR),
+    "cloth_brown": Material((0.17, 0.105, 0.06), 0.50, CLOTH_77GHZ, CLOTH_LWIR),
+    "cloth_yellow": Material((0.62, 0.44, 0.05), 0.65, CLOTH_77GHZ, CLOTH_LWIR),
+    "sign_red": Material(
+        (0.55, 0.03, 0.03), 0.90, PLATE_77GHZ, SHEET_LWIR, sheeting_reflectance=300.0
+    ),
+    "sign_yellow": Material(
+        (0.75, 0.55, 0.03), 0.90, PLATE_77GHZ, SHEET_LWIR, sheeting_reflectance=300.0
+    ),
+    "signal_red": Material((0.20, 0.015, 0.012), 0.30, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.2),
+    "signal_yellow": Material((0.22, 0.12, 0.01), 0.30, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.2),
+    "signal_green": Material((0.012, 0.14, 0.09), 0.30, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.2),
     "brick_yellow": Material(
-        (0.42, 0.31, 0.18), 0.40, BRICK_77GHZ, texture=Texture.BRICK, maps="brick_yellow"
+        (0.42, 0.31, 0.18), 0.40, BRICK_77GHZ, WALL_LWIR, texture=Texture.BRICK, maps="brick_yellow"
     ),
     "plaster_grey": Material(
-        (0.42, 0.42, 0.41), 0.50, PLASTER_77GHZ, texture=Texture.PLASTER, maps="plaster"
+        (0.42, 0.42, 0.41), 0.50, PLASTER_77GHZ, WALL_LWIR, texture=Texture.PLASTER, maps="plaster"
     ),
     "plaster_rose": Material(
-        (0.52, 0.33, 0.27), 0.55, PLASTER_77GHZ, texture=Texture.PLASTER, maps="plaster"
+        (0.52, 0.33, 0.27), 0.55, PLASTER_77GHZ, WALL_LWIR, texture=Texture.PLASTER, maps="plaster"
     ),
     "roof_slate": Material(
         (0.085, 0.09, 0.10),
         0.20,
         CONCRETE_77GHZ,
+        CONCRETE_LWIR,
         roughness=0.7,
         texture=Texture.TILES,
         maps="roof_slate",
     ),
-    "water": Material((0.015, 0.025, 0.025), 0.03, WATER_77GHZ, roughness=0.05),
-    "sign_blue": Material((0.02, 0.07, 0.32), 0.85, PLATE_77GHZ, sheeting_reflectance=60.0),
-    "grass_blades": Material((0.10, 0.14, 0.045), 0.40, PLANTS_77GHZ, texture=Texture.LEAVES),
+    "water": Material((0.015, 0.025, 0.025), 0.03, WATER_77GHZ, WATER_LWIR, roughness=0.05),
+    "sign_blue": Material(
+        (0.02, 0.07, 0.32), 0.85, PLATE_77GHZ, SHEET_LWIR, sheeting_reflectance=60.0
+    ),
+    "grass_blades": Material(
+        (0.10, 0.14, 0.045), 0.40, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES
+    ),
     # Leaves deep in a crown, with the shade between them; many layers, which let no light through.
-    "inner_leaves": Material((0.025, 0.05, 0.014), 0.40, PLANTS_77GHZ, texture=Texture.CROWN),
+    "inner_leaves": Material(
+        (0.025, 0.05, 0.014), 0.40, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.CROWN
+    ),
 }

@@ -166,6 +166,8 @@ def with_small_sensors(
             lidar |= {"channels": channels, "azimuths": azimuths}
         if radar := sensors.get("radar"):
             radar |= {"rays": 1000}
+        if thermal := sensors.get("thermal"):
+            thermal |= {"width_px": width_px, "height_px": height_px}
     return with_digest(Spec.model_validate(data))
 
 

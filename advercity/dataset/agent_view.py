@@ -40,6 +40,7 @@ from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.measurements import (
+    KELVIN_PER_COUNT,
     CameraReadout,
     CanSample,
     GnssFix,
@@ -327,6 +328,51 @@ class AgentView:
         return self._parse_pose(f"radar{radar}_pose")
 
     @property
+    def thermals(self) -> int:
+        """Number of thermal cameras that the agent carries."""
+        return len(self.agent.sensors.thermals)
+
+    def thermal(self, camera: int) -> NDArray[np.float32]:
+        """Read the temperatures (h, w) in kelvin of black bodies that would look as the pixels."""
+        return self.thermal_counts(camera) * np.float32(KELVIN_PER_COUNT)
+
+    def thermal_counts(self, camera: int) -> NDArray[np.uint16]:
+        """Read the values (h, w) of a thermal camera, 14 bits in steps of `KELVIN_PER_COUNT`."""
+        values: Any = self._read_thermal("thermal", camera, cv2.IMREAD_UNCHANGED)
+        return values
+
+    def thermal_semantic(self, camera: int) -> NDArray[np.uint8]:
+        """Read the tags (h, w) of `Semantic` of a thermal camera's pixels."""
+        colours = self._read_thermal("thermal_semantic", camera, cv2.IMREAD_COLOR_RGB)
+        return from_semantic_colours(colours)
+
+    def thermal_instance(self, camera: int) -> NDArray[np.int32]:
+        """Read the ids (h, w) of the actors that a thermal camera's pixels show, 0 for no actor."""
+        colours = self._read_thermal("thermal_instance", camera, cv2.IMREAD_COLOR_RGB)
+        return from_instance_colours(colours)
+
+    def load_thermal_pose(self, camera: int) -> Matrix:
+        """Load the pose (4, 4) of a thermal camera in body axes, as `world_from_camera`."""
+        _check_number("thermal camera", camera, self.thermals, self.agent.id)
+        return self._parse_pose(f"thermal{camera}", "cords")
+
+    def load_thermal_model(self, camera: int) -> CameraModel:
+        """Load the projection of a thermal camera."""
+        _check_number("thermal camera", camera, self.thermals, self.agent.id)
+        matrix = self._load_matrix(f"thermal{camera}")
+        width, height = np.rint(2 * matrix[:2, 2]).astype(int).tolist()
+        return CameraModel(width, height, float(matrix[0, 0]))
+
+    def _read_thermal(self, kind: str, camera: int, mode: int) -> NDArray[np.uint8]:
+        _check_number("thermal camera", camera, self.thermals, self.agent.id)
+        suffix = f"_{kind}{camera}.png"
+        if suffix not in self._format.list_thermal_suffixes(camera):
+            raise InputError(
+                f"{self.path(suffix)}: the layout {self._format.name} has no such image"
+            )
+        return self._read_image(suffix, mode)
+
+    @property
     def points(self) -> NDArray[np.float32]:
         """Points (n, 3) in the LiDAR's frame, read from the file of `cloud` at every use."""
         return _stack_columns(self.cloud, "x", "y", "z")
@@ -413,10 +459,11 @@ class AgentView:
 
     def intrinsic(self, camera: int) -> NDArray[np.float64]:
         """Return the pinhole matrix (3, 3) in pixels; optical axes x right, y down, z ahead."""
+        return self._load_matrix(f"camera{camera}")
+
+    def _load_matrix(self, name: str) -> NDArray[np.float64]:
         with report_read_errors(self.path(".yaml")):
-            return np.reshape(self._get_described(f"camera{camera}", "intrinsic"), (3, 3)).astype(
-                np.float64
-            )
+            return np.reshape(self._get_described(name, "intrinsic"), (3, 3)).astype(np.float64)
 
     def pixels(self, camera: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
         """Project points (n, 3) of the world into an image: column, row, depth in metres (n, 3).

@@ -31,6 +31,7 @@ class DatasetFormat:
         cloud_suffix: End of the names of the first LiDAR's point clouds.
         read_cloud: Reads one as a table with `x`, `y`, `z` and `intensity`, left-handed.
         image_kinds: Kinds of images of every camera.
+        thermal_kinds: Kinds of images of every thermal camera.
         more_images: Kinds of images by what the rig of a camera asks for.
         motion_suffix: End of the names of files with GNSS and IMU.
         extra_suffixes: Ends of the names of what the original does not have.
@@ -43,6 +44,7 @@ class DatasetFormat:
     image_kinds: tuple[str, ...]
     motion_suffix: str
     extra_suffixes: tuple[str, ...] = ()
+    thermal_kinds: tuple[str, ...] = ("thermal",)
     more_images: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
 
     def format_cloud_suffix(self, lidar: int) -> str:
@@ -54,6 +56,10 @@ class DatasetFormat:
     def format_radar_suffix(radar: int) -> str:
         """Return the end of the names of a radar's detections."""
         return f"_radar{radar}.pcd"
+
+    def list_thermal_suffixes(self, camera: int) -> tuple[str, ...]:
+        """List the ends of the names of a thermal camera's image and its labels."""
+        return tuple(f"_{kind}{camera}.png" for kind in self.thermal_kinds)
 
     @property
     def messages_suffix(self) -> str:
@@ -80,6 +86,8 @@ class DatasetFormat:
         radars = set(map(self.format_radar_suffix, range(len(sensors.radars))))
         if sensors.radar is not None and sensors.radar.output == "cube":
             radars |= set(map(self.format_cube_suffix, range(len(sensors.radars))))
+        thermals = map(self.list_thermal_suffixes, range(len(sensors.thermals)))
+        images.update(*thermals)
         motion = (self.motion_suffix,) if has_motion_file(agent) else ()
         sent = (self.messages_suffix,) if has_channel else ()
         return frozenset((".yaml", *clouds, *radars, *images, *motion, *sent, *self.extra_suffixes))
@@ -116,6 +124,7 @@ OPV2V = DatasetFormat(
     image_kinds=("camera", "semantic", "depth", "depth_cm"),
     motion_suffix="_additional_gnss_imu.yaml",
     extra_suffixes=("_objects.json", *(f"_bev_{kind}.png" for kind in MAP_KINDS)),
+    thermal_kinds=("thermal", "thermal_semantic", "thermal_instance"),
     more_images={
         "instance": ("instance",),
         "normal": ("normal",),

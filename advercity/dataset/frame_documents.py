@@ -35,7 +35,13 @@ from advercity.dataset.weather_truth import WeatherTruth
 from advercity.geometry import poses
 from advercity.materials import MATERIALS
 from advercity.sensors.annotation import Annotation
-from advercity.sensors.measurements import CanSample, GnssFix, ImuSample, SolutionQuality
+from advercity.sensors.measurements import (
+    KELVIN_PER_COUNT,
+    CanSample,
+    GnssFix,
+    ImuSample,
+    SolutionQuality,
+)
 from advercity.sensors.rolling_shutter import RollingCamera
 from advercity.sensors.sensor_frame import ProjectedBox, SensorFrame
 
@@ -163,6 +169,10 @@ def build_frame_description(
             for index, scan in enumerate(sensor_frame.radar_scans)
         },
         **{f"camera{index}": _describe_camera(sensor_frame, index) for index in cameras},
+        **{
+            f"thermal{index}": _describe_thermal(sensor_frame, index)
+            for index in range(len(sensor_frame.thermal_images))
+        },
         "plan_trajectory": [
             to_plain((*mirror_xyz(x, y, 0.0)[:2], speed * KM_H_PER_M_S))
             for x, y, speed in sensor_frame.planned_trajectory
@@ -224,6 +234,18 @@ def _describe_camera(sensor_frame: SensorFrame, camera: int) -> dict[str, Any]:
         "intrinsic": to_plain(sensor_frame.build_camera_model(camera).matrix),
         **_describe_lens(sensor_frame.agent.sensors.cameras[camera].camera.lens),
         **_describe_shutter(sensor_frame.camera_images[camera].rolling),
+    }
+
+
+def _describe_thermal(sensor_frame: SensorFrame, number: int) -> dict[str, Any]:
+    """Describe a thermal camera as other cameras, and what a step of its values is."""
+    world_from_camera = sensor_frame.thermal_images[number].world_from_camera
+    camera_from_lidar = poses.invert_pose(world_from_camera) @ sensor_frame.world_from_lidar
+    return {
+        "cords": to_plain(carla_pose_from_matrix(world_from_camera)),
+        "extrinsic": to_plain(mirror_pose(camera_from_lidar)),
+        "intrinsic": to_plain(sensor_frame.build_thermal_model(number).matrix),
+        "kelvin_per_count": KELVIN_PER_COUNT,
     }
 
 
@@ -363,7 +385,20 @@ def _describe_object_extras(item: Annotation, sensor_frame: SensorFrame) -> dict
             for index, image in enumerate(sensor_frame.camera_images)
             if state.actor.id in image.projected_boxes
         },
+        **_describe_thermal_boxes(state.actor.id, sensor_frame),
     }
+
+
+def _describe_thermal_boxes(actor: int, sensor_frame: SensorFrame) -> dict[str, Any]:
+    """Describe an object in thermal images; nothing for agents without such cameras."""
+    if not sensor_frame.thermal_images:
+        return {}
+    boxes = {
+        f"thermal{index}": _describe_projected_box(image.projected_boxes[actor])
+        for index, image in enumerate(sensor_frame.thermal_images)
+        if actor in image.projected_boxes
+    }
+    return {"thermals": boxes}
 
 
 def _describe_projected_box(box: ProjectedBox) -> dict[str, Any]:

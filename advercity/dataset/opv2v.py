@@ -96,6 +96,12 @@ def encode_opv2v_frame(
                 jobs[f"{stem}_hdr{index}.png"] = partial(encode_deep_png, image.hdr)
             if image.raw is not None:
                 jobs[f"{stem}_raw{index}.png"] = partial(encode_deep_png, image.raw)
+        for index, image in enumerate(item.thermal_images):
+            jobs |= {
+                f"{stem}_thermal{index}.png": partial(encode_deep_png, image.counts),
+                f"{stem}_thermal_semantic{index}.png": partial(_encode_semantic, image.semantic),
+                f"{stem}_thermal_instance{index}.png": partial(_encode_instance, image.instance),
+            }
     for stem, maps in zip(stems, draw_bird_views(ordered, lanes), strict=True):
         jobs |= {
             f"{stem}_bev_{kind}.png": partial(_encode_mask, mask) for kind, mask in maps.items()
@@ -135,6 +141,8 @@ def encode_adver_city_frame(
         for index, image in enumerate(item.camera_images):
             jobs[f"{stem}_camera{index}.png"] = partial(encode_photo_png, image.image)
             jobs[f"{stem}_semantic{index}.png"] = partial(_encode_semantic, image.semantic)
+        for index, image in enumerate(item.thermal_images):
+            jobs[f"{stem}_thermal{index}.png"] = partial(encode_deep_png, image.counts)
         for index, scan in enumerate(item.lidar_scans):
             jobs[f"{stem}{ADVER_CITY.format_cloud_suffix(index)}"] = partial(
                 _encode_ply, scan.point_cloud

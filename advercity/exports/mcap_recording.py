@@ -8,6 +8,7 @@ x right, y down, z along the view. Times count from the start of the scenario.
 """
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 from advercity.dataset.agent_view import MAX_IMAGE_BYTES, AgentView, report_read_errors
 from advercity.dataset.formats import OPV2V
@@ -62,7 +63,8 @@ def _write_frame(frame: FrameView, recording: Encoder) -> None:
         recording.write_objects(f"/{name}/objects", Stamp(time_ns, WORLD), view.boxes)
         for number in range(view.cameras):
             sensor, stamp = f"/{name}/camera{number}", Stamp(time_ns, f"{name}/camera{number}")
-            recording.write_image(f"{sensor}/image", stamp, _read_image(view, number))
+            image = _read_file(view.path(f"_camera{number}.png"))
+            recording.write_image(f"{sensor}/image", stamp, image)
             recording.write_calibration(f"{sensor}/calibration", stamp, view, number)
         for number in range(view.lidars):
             stamp = Stamp(time_ns, f"{name}/lidar{number}")
@@ -71,6 +73,10 @@ def _write_frame(frame: FrameView, recording: Encoder) -> None:
             stamp = Stamp(time_ns, f"{name}/radar{number}")
             table = view.load_radar(number)
             recording.write_points(f"/{name}/radar{number}/detections", stamp, table)
+        for number in range(view.thermals):
+            stamp = Stamp(time_ns, f"{name}/thermal{number}")
+            path = view.path(f"_thermal{number}.png")
+            recording.write_image(f"/{name}/thermal{number}/image", stamp, _read_file(path))
         gnss, imu = view.motion
         if gnss is not None:
             recording.write_fix(f"/{name}/gnss", Stamp(time_ns, name), gnss)
@@ -78,8 +84,7 @@ def _write_frame(frame: FrameView, recording: Encoder) -> None:
             recording.write_imu(f"/{name}/imu", Stamp(time_ns, name), imu)
 
 
-def _read_image(view: AgentView, camera: int) -> bytes:
-    path = view.path(f"_camera{camera}.png")
+def _read_file(path: Path) -> bytes:
     with report_read_errors(path):
         return read_bytes(path, max_bytes=MAX_IMAGE_BYTES)
 
@@ -90,6 +95,8 @@ def _list_poses(view: AgentView) -> Iterator[tuple[str, Matrix]]:
     yield name, view.world_from_agent
     for number in range(view.cameras):
         yield f"{name}/camera{number}", view.world_from_camera(number) @ poses.OPTICAL_FROM_BODY.T
+    for number in range(view.thermals):
+        yield f"{name}/thermal{number}", view.load_thermal_pose(number) @ poses.OPTICAL_FROM_BODY.T
     for number in range(view.lidars):
         yield f"{name}/lidar{number}", view.load_lidar_pose(number)
     for number in range(view.radars):

@@ -28,6 +28,7 @@ from advercity.exports.pieces import Piece, PieceFiles, make_common_piece
 from advercity.exports.registry import Options
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
+from advercity.sensors.measurements import KELVIN_PER_COUNT
 
 FRAMES_PER_SHARD = 50
 IMAGE_MEMBERS = {"camera": "camera", "semantic": "semantic", "depth_cm": "depth"}
@@ -91,6 +92,8 @@ def _encode_members(frame: FrameView, view: AgentView) -> Iterator[tuple[str, by
         if view.has_truth("instance", camera):
             path = view.path(f"_instance{camera}.png")
             yield f"instance{camera}.png", _read(path)
+    for thermal in range(view.thermals):
+        yield f"thermal{thermal}.png", _read(view.path(f"_thermal{thermal}.png"))
     for lidar in range(view.lidars):
         cloud = view.load_cloud(lidar)
         yield f"lidar{lidar or ''}.npy", _encode_columns(cloud, "x", "y", "z", "intensity")
@@ -134,6 +137,15 @@ def _describe_boxes(view: AgentView) -> dict[str, Any]:
     }
 
 
+def _describe_thermals(view: AgentView) -> dict[str, Any]:
+    numbers, optical = range(view.thermals), poses.invert_pose(poses.OPTICAL_FROM_BODY)
+    return {
+        "world_from_thermal": [(view.load_thermal_pose(n) @ optical).tolist() for n in numbers],
+        "thermal_intrinsic": [view.load_thermal_model(n).matrix.tolist() for n in numbers],
+        "kelvin_per_count": KELVIN_PER_COUNT,
+    }
+
+
 def _describe_calibration(frame: FrameView, view: AgentView) -> dict[str, Any]:
     """Describe poses (4, 4) in the world, and pinhole matrices (3, 3) of cameras."""
 
@@ -150,5 +162,6 @@ def _describe_calibration(frame: FrameView, view: AgentView) -> dict[str, Any]:
         "world_from_radar": [view.load_radar_pose(n).tolist() for n in range(view.radars)],
         "world_from_camera": [to_optical(view.world_from_camera(n)) for n in range(view.cameras)],
         "intrinsic": [view.intrinsic(n).tolist() for n in range(view.cameras)],
+        **(_describe_thermals(view) if view.thermals else {}),
         "has_lens": [one.camera.lens is not None for one in view.agent.sensors.cameras],
     }

@@ -34,7 +34,13 @@ from advercity.sensors.measurements import CanSample, GnssFix, ImuSample
 from advercity.sensors.radar import PlacedRadar
 from advercity.sensors.rolling_shutter import RollingCamera, compute_row_times
 from advercity.sensors.sample_times import list_sample_times
-from advercity.sensors.sensor_frame import CameraImage, LidarScan, RadarScan, SensorFrame
+from advercity.sensors.sensor_frame import (
+    CameraImage,
+    LidarScan,
+    RadarScan,
+    SensorFrame,
+    ThermalImage,
+)
 from advercity.traffic.figures import assign_figures, number_figures
 from advercity.traffic.weather_effects import (
     apply_lamp_state,
@@ -91,6 +97,7 @@ class AgentPoses:
         images: tuple[CameraImage, ...],
         scans: tuple[LidarScan, ...],
         radar_scans: tuple[RadarScan, ...] = (),
+        thermal_images: tuple[ThermalImage, ...] = (),
         min_points: int = 0,
         fix: GnssFix | None = None,
     ) -> SensorFrame:
@@ -102,6 +109,7 @@ class AgentPoses:
             images: One per camera.
             scans: One per LiDAR.
             radar_scans: One per radar.
+            thermal_images: One per thermal camera.
             min_points: Points that an actor must return to be annotated.
             fix: Fix of a receiver of satellites, as `measure_fix` returns it; others need none.
         """
@@ -121,6 +129,7 @@ class AgentPoses:
             camera_images=images,
             lidar_scans=scans,
             radar_scans=radar_scans,
+            thermal_images=thermal_images,
             min_points=min_points,
             gnss=None if is_unit and not has_satellites else gnss,
             imu=self._measure_imu(agent, frame),
@@ -196,6 +205,11 @@ class AgentPoses:
             for time_s in (start_s, end_s)
         )
         return RollingCamera(end_s - start_s, upper, lower)
+
+    def world_from_thermals(self, agent: Agent, index: int) -> list[Matrix]:
+        """Return `world_from_camera` (4, 4) of each thermal camera of an agent."""
+        mounts = [item.mount for item in agent.sensors.thermals]
+        return self._world_from_mounts(agent, mounts, index)
 
     def place_radars(self, agent: Agent, frame: Frame) -> list[PlacedRadar]:
         """Place the radars of an agent in a frame."""

@@ -276,7 +276,12 @@ def _describe_conflict(conflict: StagedConflict, timing: Timing) -> str:
 def _describe_agent(agent: Agent) -> str:
     """Describe what an agent is and carries: `101, ego, box_truck: 4 cameras, 1 LiDAR`."""
     sensors = agent.sensors
-    counts = {"camera": sensors.cameras, "LiDAR": sensors.lidars, "radar": sensors.radars}
+    counts = {
+        "camera": sensors.cameras,
+        "LiDAR": sensors.lidars,
+        "radar": sensors.radars,
+        "thermal camera": sensors.thermals,
+    }
     carried = [
         f"{len(items)} {name}{'s' if len(items) > 1 else ''}"
         for name, items in counts.items()

@@ -10,6 +10,7 @@ from advercity.physics.timeline import WeatherTimeline
 from advercity.sensors.camera import CameraConditions, move_blocks
 from advercity.sensors.lidar import LidarConditions, derive_lidar_conditions
 from advercity.sensors.radar import RadarConditions, derive_radar_conditions
+from advercity.sensors.thermal import ThermalConditions, derive_thermal_conditions
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +40,23 @@ class ConditionsByFrame:
         )
         self._blocks = self._camera.blocks
         self._derive_once = lru_cache(maxsize=1)(self._derive)
+        # Apart from the rest: most rigs have no thermal camera.
+        self._derive_thermal_once = lru_cache(maxsize=1)(self._derive_thermal)
 
     def at(self, frame: int) -> FrameConditions:
         """Return the conditions of a recorded frame."""
-        return self._derive_once(frame if self._timeline.is_changing else 0)
+        return self._derive_once(self._find_state(frame))
+
+    def thermal_at(self, frame: int) -> ThermalConditions:
+        """Return what thermal cameras need of a recorded frame."""
+        return self._derive_thermal_once(self._find_state(frame))
+
+    def _find_state(self, frame: int) -> int:
+        return frame if self._timeline.is_changing else 0
+
+    def _derive_thermal(self, frame: int) -> ThermalConditions:
+        weather = self._timeline.weather_at(frame)
+        return derive_thermal_conditions(self.at(frame).atmosphere, weather)
 
     def _derive(self, frame: int) -> FrameConditions:
         timeline, weather = self._timeline, self._timeline.weather_at(frame)

@@ -27,7 +27,13 @@ from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.roads.road_network import build_road
 from advercity.sensors.measurements import GnssFix, PointCloud
 from advercity.sensors.radar import PlacedRadar
-from advercity.sensors.sensor_frame import CameraImage, LidarScan, RadarScan, SensorFrame
+from advercity.sensors.sensor_frame import (
+    CameraImage,
+    LidarScan,
+    RadarScan,
+    SensorFrame,
+    ThermalImage,
+)
 from advercity.viewer.cloud_colours import CloudColour
 
 if TYPE_CHECKING:
@@ -48,6 +54,9 @@ def load_sensor_frames(
             images=tuple(_load_images(stored[agent.id], poses.world_from_cameras(agent, index))),
             scans=tuple(_load_scans(stored[agent.id], poses.world_from_lidars(agent, frame))),
             radar_scans=tuple(_load_radars(stored[agent.id], poses.place_radars(agent, frame))),
+            thermal_images=tuple(
+                _load_thermals(stored[agent.id], poses.world_from_thermals(agent, index))
+            ),
             fix=_load_fix(stored[agent.id]),
         )
         for agent in scenario.spec.agents
@@ -136,6 +145,21 @@ def _load_radars(stored: AgentView, radars: Sequence[PlacedRadar]) -> Iterator[R
             placed.world_from_radar,
             parse_detections(stored.load_radar(number)),
             stored.load_radar_cube(number) if has_cube else None,
+        )
+
+
+def _load_thermals(
+    stored: AgentView, world_from_cameras: Sequence[Matrix]
+) -> Iterator[ThermalImage]:
+    """Load thermal images; labels and boxes are not shown, and not in every layout."""
+    for camera, world_from_camera in enumerate(world_from_cameras):
+        counts = stored.thermal_counts(camera)
+        yield ThermalImage(
+            world_from_camera,
+            counts,
+            semantic=np.zeros(counts.shape, np.uint8),
+            instance=np.zeros(counts.shape, np.int32),
+            projected_boxes={},
         )
 
 

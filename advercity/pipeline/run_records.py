@@ -26,6 +26,8 @@ from advercity.sensors.camera_model import CameraModel
 
 RECORDS_FILE = "runs.jsonl"
 MAX_RECORDS = 50
+THERMAL_RAYS = 6
+"""Rays for each pixel of a thermal camera."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class FrameWork:
         agents: Agents that sense.
         images: Images of all cameras; each comes with its classes and depths.
         pixels: Pixels that are rendered for all those images.
-        beams: Beams of all LiDARs, and rays of all radars.
+        beams: Beams of all LiDARs, and rays of all radars and thermal cameras.
         renders: How often each pixel is rendered, on average: more than once with rolling shutters.
     """
 
@@ -53,6 +55,9 @@ class FrameWork:
         lidars = [lidar for agent in spec.agents for lidar in agent.sensors.lidars]
         radars = [item.radar for agent in spec.agents for item in agent.sensors.radars]
         beams = sum(lidar.channels * lidar.azimuths * lidar.sub_rays for lidar in lidars)
+        thermals = [item.camera for agent in spec.agents for item in agent.sensors.thermals]
+        # A pixel has a ray of its own, and some to the sun and the sky.
+        rays = sum(camera.width_px * camera.height_px for camera in thermals) * THERMAL_RAYS
         sizes = [
             CameraModel.build(camera, camera.width_px, camera.height_px).rendered_size
             for camera in cameras
@@ -63,7 +68,7 @@ class FrameWork:
             agents=len(spec.agents),
             images=len(cameras),
             pixels=max(1, round(sum(pixels) * scale**2)),
-            beams=beams + sum(radar.rays for radar in radars),
+            beams=beams + sum(radar.rays for radar in radars) + round(rays * scale**2),
             renders=sum(map(math.prod, zip(pixels, renders, strict=True))) / sum(pixels),
         )
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import chain
 
 import numpy as np
-from advercity_dsl import Agent, RoadsideUnit, Spec
+from advercity_dsl import Agent, RoadsideUnit, Spec, ThermalCamera
 from numpy.typing import NDArray
 
 from advercity.assets.body_pose import build_pose_box_fitter
@@ -50,7 +50,9 @@ from advercity.sensors.sensor_frame import (
     LidarScan,
     RadarScan,
     SensorFrame,
+    ThermalImage,
 )
+from advercity.sensors.thermal import cast_thermal, take_thermal_image
 from advercity.world import World
 
 
@@ -191,6 +193,7 @@ class SensorRig:
             images=tuple(self._capture_images(agent, frame, captures)),
             scans=tuple(self._measure_scans(agent, frame)),
             radar_scans=tuple(self._scan_radars(agent, radars, motion)),
+            thermal_images=tuple(self._take_thermal_images(agent, frame)),
             min_points=self._min_points,
             fix=fix,
         )
@@ -252,6 +255,27 @@ class SensorRig:
             air = self._conditions.radar
             found = scan_radar(placed, others, self._raycaster, motion, air, rng)
             yield RadarScan(placed.world_from_radar, found.detections, found.cube)
+
+    def _take_thermal_images(self, agent: Agent, frame: Frame) -> Iterator[ThermalImage]:
+        """Take the images of the thermal cameras of an agent."""
+        seed = self._spec.seeds.sensors
+        places = self._poses.world_from_thermals(agent, frame.index)
+        for number, (mounted, pose) in enumerate(zip(agent.sensors.thermals, places, strict=True)):
+            camera, hide = mounted.camera, _carrier_ids(agent)
+            conditions = self._conditions_by_frame.thermal_at(frame.index)
+            model = build_thermal_model(camera, self._profile)
+            view = cast_thermal(model, pose, frame, self._raycaster, conditions, hide=hide)
+            counts = take_thermal_image(
+                camera,
+                view,
+                conditions,
+                frame.states,
+                self._poses.make_generator("thermal", agent, frame, number),
+                seed=seed,
+                name=f"{agent.id} {number}",
+            )
+            boxes = project_boxes(view.instance, pose, model, frame, self._hull_points, hide=hide)
+            yield ThermalImage(pose, counts, view.semantic, view.instance, boxes)
 
     def _capture_images(
         self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]
@@ -335,6 +359,14 @@ def build_camera_model(agent: Agent, number: int, profile: RenderProfile) -> Cam
         max(1, round(camera.width_px * profile.scale)),
         max(1, round(camera.height_px * profile.scale)),
     )
+
+
+def build_thermal_model(camera: ThermalCamera, profile: RenderProfile) -> CameraModel:
+    """Build the projection of a thermal camera to an image at the scale of `profile`."""
+    width_px, height_px = (
+        max(1, round(side * profile.scale)) for side in (camera.width_px, camera.height_px)
+    )
+    return CameraModel.build_pinhole(camera.horizontal_fov_deg, width_px, height_px)
 
 
 def find_agent_with_camera(spec: Spec, name: str | None, camera: int) -> Agent:

@@ -102,14 +102,20 @@ class CameraModel:
     @staticmethod
     def build(camera: Camera, width_px: int, height_px: int) -> CameraModel:
         """Build the model of a camera for an image of a size with its proportions."""
-        half_rad = np.deg2rad(camera.horizontal_fov_deg) / 2
         lens = camera.lens
         if lens is None:
-            return CameraModel(width_px, height_px, float(width_px / (2 * np.tan(half_rad))))
+            return CameraModel.build_pinhole(camera.horizontal_fov_deg, width_px, height_px)
+        half_rad = np.deg2rad(camera.horizontal_fov_deg) / 2
         focal_px = width_px / (2 * lens.compute_radius(float(half_rad)))
         key: Any = lens  # frozen, so hashable, which its type does not say
         distortion = _tabulate(key, camera.edge_angle_rad)
         return CameraModel(width_px, height_px, focal_px, distortion)
+
+    @staticmethod
+    def build_pinhole(horizontal_fov_deg: float, width_px: int, height_px: int) -> CameraModel:
+        """Build the model of a pinhole by the angle that its width spans."""
+        half_rad = np.deg2rad(horizontal_fov_deg) / 2
+        return CameraModel(width_px, height_px, float(width_px / (2 * np.tan(half_rad))))
 
     @property
     def matrix(self) -> Float64Array:

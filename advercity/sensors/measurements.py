@@ -229,6 +229,13 @@ class OpticalFlow:
         return OpticalFlow(np.full((*shape, 2), np.nan, np.float32), np.ones(shape, np.bool_))
 
 
+KELVIN_PER_COUNT = 0.04
+"""Step of a thermal image: a value times this is the temperature in kelvin of a black body that
+would look the same."""
+MAX_COUNT = 2**14 - 1
+"""Largest value of a thermal image, of 14 bits."""
+
+
 @dataclass(frozen=True, eq=False)
 class RadarDetections:
     """The n detections of one radar at one tick.

@@ -108,6 +108,25 @@ class LidarScan:
 
 
 @dataclass(frozen=True, eq=False)
+class ThermalImage:
+    """An image of a thermal camera, with labels of the same pixels.
+
+    Attributes:
+        world_from_camera: (4, 4), body axes: x along the view, y left, z up.
+        counts: (h, w) uint16, in steps of `KELVIN_PER_COUNT`.
+        semantic: (h, w) uint8 of `Semantic`.
+        instance: (h, w) int32 id of the actor; 0 for everything static.
+        projected_boxes: Actors in the image, by their ids.
+    """
+
+    world_from_camera: Matrix
+    counts: NDArray[np.uint16]
+    semantic: NDArray[np.uint8]
+    instance: NDArray[np.int32]
+    projected_boxes: Mapping[int, ProjectedBox]
+
+
+@dataclass(frozen=True, eq=False)
 class RadarScan:
     """One measurement of a radar.
 
@@ -134,6 +153,7 @@ class SensorFrame:
         camera_images: Images, by the numbers of the cameras.
         lidar_scans: Scans, by the numbers of the LiDARs; at least one.
         radar_scans: Scans, by the numbers of the radars.
+        thermal_images: Images, by the numbers of the thermal cameras.
         min_points: Number of points that an actor must return to be annotated.
         gnss: Fix of the receiver; None without a receiver or a fix.
         imu: Sample of the inertial unit; None without one.
@@ -151,6 +171,7 @@ class SensorFrame:
     camera_images: tuple[CameraImage, ...]
     lidar_scans: tuple[LidarScan, ...]
     radar_scans: tuple[RadarScan, ...] = ()
+    thermal_images: tuple[ThermalImage, ...] = ()
     min_points: int = 0
     gnss: GnssFix | None = None
     imu: ImuSample | None = None
@@ -181,6 +202,12 @@ class SensorFrame:
     def lidar_hits(self) -> Mapping[int, int]:
         """Number of beams of all noise-free LiDARs that hit an actor, by actor id."""
         return sum((Counter(scan.hits) for scan in self.lidar_scans), Counter[int]())
+
+    def build_thermal_model(self, camera: int) -> CameraModel:
+        """Build the projection of a thermal camera in pixels of its image."""
+        height, width = self.thermal_images[camera].counts.shape
+        declared = self.agent.sensors.thermals[camera].camera
+        return CameraModel.build_pinhole(declared.horizontal_fov_deg, width, height)
 
     def build_camera_model(self, camera: int) -> CameraModel:
         """Build the projection of a camera in pixels of its image."""

@@ -14,6 +14,7 @@ from advercity.geometry.geodesy import Geodetic, geodetic_from_enu
 from advercity.geometry.poses import Matrix
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import ACTOR_COLOURS
+from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.measurements import PointCloud, PointKind, RadarDetections
 from advercity.sensors.sensor_frame import SensorFrame
 from advercity.viewer.cloud_colours import CloudColour, colour_points
@@ -51,7 +52,11 @@ def to_pinhole(sensor_frame: SensorFrame, camera: int) -> rr.Pinhole:
 
     Rerun has no lenses: its image plane is as for a pinhole of the same focal length.
     """
-    model = sensor_frame.build_camera_model(camera)
+    return build_pinhole(sensor_frame.build_camera_model(camera))
+
+
+def build_pinhole(model: CameraModel) -> rr.Pinhole:
+    """Build the pinhole of a camera in body axes."""
     return rr.Pinhole(
         image_from_camera=model.matrix,
         resolution=(model.width_px, model.height_px),

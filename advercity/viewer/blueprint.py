@@ -41,6 +41,11 @@ def format_radar_path(agent: Agent, index: int) -> str:
     return f"{format_agent_path(agent)}/radar{index}"
 
 
+def format_thermal_path(agent: Agent, index: int) -> str:
+    """Return the path of an agent's thermal camera and its image."""
+    return f"{format_agent_path(agent)}/thermal{index}"
+
+
 def format_range_azimuth_path(agent: Agent, index: int) -> str:
     """Return the path of a radar's picture over azimuth and range."""
     return f"range_azimuth/{agent.id}/radar{index}"
@@ -109,6 +114,8 @@ def _build_agent_views(agent: Agent) -> rrb.Grid:
     for index in range(len(agent.sensors.cameras)):
         views.append(_build_image_view(format_camera_path(agent, index), f"camera {index}"))
         views.append(_build_image_view(format_semantic_path(agent, index), f"semantic {index}"))
+    for index in range(len(agent.sensors.thermals)):
+        views.append(_build_image_view(format_thermal_path(agent, index), f"thermal {index}"))
     for index in range(len(agent.sensors.radars)):
         views.append(_build_image_view(format_range_azimuth_path(agent, index), f"radar {index}"))
     return rrb.Grid(*views, grid_columns=2, name=agent.id)

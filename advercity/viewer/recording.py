@@ -38,6 +38,7 @@ from advercity.viewer.archetypes import (
 from advercity.viewer.cloud_colours import CloudColour
 from advercity.viewer.private_page import LOOPBACK_ADDRESS
 from advercity.viewer.radar_pictures import draw_range_azimuth
+from advercity.viewer.thermal_pictures import draw_thermal
 from advercity.viewer.viewer_process import DEFAULT_PORT
 
 CONNECT_TIMEOUT_S = 3.0
@@ -259,6 +260,13 @@ class RerunRecording:
             radar = agent.sensors.radars[index].radar
             picture = encode_jpeg(draw_range_azimuth(radar, scan))
             path = blueprint.format_range_azimuth_path(agent, index)
+            log(path, rr.EncodedImage(contents=picture, media_type="image/jpeg"))
+        for index, image in enumerate(item.thermal_images):
+            path = blueprint.format_thermal_path(agent, index)
+            model = item.build_thermal_model(index)
+            log(path, archetypes.to_transform3d(agent_from_world @ image.world_from_camera))
+            log(path, archetypes.build_pinhole(model))
+            picture = encode_jpeg(draw_thermal(image.counts))
             log(path, rr.EncodedImage(contents=picture, media_type="image/jpeg"))
         for index, image in enumerate(item.camera_images):
             camera = blueprint.format_camera_path(agent, index)

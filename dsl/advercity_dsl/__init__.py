@@ -39,6 +39,7 @@ from advercity_dsl.road import (
 )
 from advercity_dsl.spec import SPEC_VERSION, Agent, Spec
 from advercity_dsl.suite import Suite, Timing
+from advercity_dsl.thermal import ThermalCamera
 from advercity_dsl.traffic import (
     ActorClass,
     Density,
@@ -114,6 +115,7 @@ __all__ = [
     "StagedConflict",
     "Street",
     "Suite",
+    "ThermalCamera",
     "TimedDriverResponse",
     "Timing",
     "TrajectoryFile",

@@ -26,6 +26,7 @@ from advercity_dsl.lidar import Lidar
 from advercity_dsl.mount import Mount
 from advercity_dsl.positioning import SatelliteReceiver
 from advercity_dsl.sampling import Sampled
+from advercity_dsl.thermal import ThermalCamera
 from advercity_dsl.units import (
     Count,
     DecibelMilliwatts,
@@ -348,6 +349,13 @@ class MountedRadar(NamedTuple):
     mount: Mount
 
 
+class MountedThermal(NamedTuple):
+    """One thermal camera of a carrier."""
+
+    camera: ThermalCamera
+    mount: Mount
+
+
 class SensorSet(Model):
     """The sensors of one kind of agent."""
 
@@ -366,6 +374,8 @@ class SensorSet(Model):
     """Other LiDARs, by name, numbered from 1 in the order in which they are written."""
     radar: Radar | None = Field(default=None, exclude_if=is_none)
     """Radars of one kind; `null` is none."""
+    thermal: ThermalCamera | None = Field(default=None, exclude_if=is_none)
+    """Thermal cameras of one kind; `null` is none."""
     gnss: Gnss = Gnss()
     """Satellite positioning."""
     imu: Imu | None = None
@@ -393,6 +403,12 @@ class SensorSet(Model):
         """All radars, by their numbers in a dataset."""
         radar = self.radar
         return () if radar is None else tuple(MountedRadar(radar, item) for item in radar.mounts)
+
+    @property
+    def thermals(self) -> tuple[MountedThermal, ...]:
+        """All thermal cameras, by their numbers in a dataset."""
+        kind = self.thermal
+        return () if kind is None else tuple(MountedThermal(kind, item) for item in kind.mounts)
 
 
 class Rig(Declaration):

@@ -36,6 +36,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "g/cm3": ("density", 1.0),
     "kg/m3": ("density", 1e-3),
     "degC": ("temperature", 1.0),
+    "mK": ("difference of temperature", 1.0),
+    "K": ("difference of temperature", 1e3),
     "Hz": ("frequency", 1e-6),
     "kHz": ("frequency", 1e-3),
     "MHz": ("frequency", 1.0),
@@ -196,6 +198,7 @@ Celsius = Annotated[
     Field(ge=-100, le=100),
     RangeReason("no weather is colder or hotter", 100),
 ]
+Millikelvins = Annotated[_Number, Unit("mK"), Field(ge=0, le=1e6)]
 Hertz = Annotated[_Number, Unit("Hz"), Field(ge=0, le=1e12)]
 Megahertz = Annotated[_Number, Unit("MHz"), Field(ge=0, le=1e6)]
 Decibels = Annotated[_Number, Unit("dB"), Field(ge=-200, le=200)]

@@ -1,0 +1,28 @@
+"""Thermal cameras: what is asked of one that sees the heat of surfaces, 8 to 14 um."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from advercity_dsl.base import CompactModel, Items
+from advercity_dsl.mount import Mount
+from advercity_dsl.units import Count, Degrees, Millikelvins, Number
+
+
+class ThermalCamera(CompactModel):
+    """An uncooled thermal camera, 8 to 14 um; defaults are those of a common one for cars."""
+
+    width_px: Annotated[Count, Field(ge=16, le=2048)] = 640
+    """Image width."""
+    height_px: Annotated[Count, Field(ge=16, le=2048)] = 512
+    """Image height."""
+    horizontal_fov_deg: Annotated[Degrees, Field(gt=2, lt=150)] = 50
+    """Angle that the width of the image spans; the camera is a pinhole."""
+    netd_mk: Annotated[Millikelvins, Field(ge=0, le=1000)] = 50
+    """Noise of a pixel from image to image, as a difference of temperature at 300 K."""
+    fixed_pattern_mk: Annotated[Millikelvins, Field(ge=0, le=1000)] = 25
+    """Standard deviation of what a pixel, and as much of what a column, is off all the time."""
+    blur_px: Annotated[Number, Field(ge=0, le=5)] = 0.6
+    """Standard deviation of a point's image: diffraction and the size of a pixel."""
+    mounts: Annotated[Items[Mount], Field(min_length=1, max_length=8)]
+    """Pose of each camera."""
