@@ -75,6 +75,7 @@ def test_images_are_of_14_bits_and_labels_are_of_the_same_pixels(dataset: Path) 
     view = Scenario(dataset)[0]["cav1"]
     assert view.thermals == 2
     stored = cv2.imread(str(view.path("_thermal0.png")), cv2.IMREAD_UNCHANGED)
+    assert stored is not None
     assert stored.dtype == np.uint16
     assert stored.max() <= MAX_COUNT
     kelvin = view.thermal(0)

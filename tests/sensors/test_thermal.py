@@ -63,7 +63,7 @@ def look(
     view = cast_thermal(MODEL, EYE, frame, raycaster, conditions)
     rng = create_generator(noise)
     counts = take_thermal_image(camera, view, conditions, frame.states, rng, seed=1, name="cav1 0")
-    return counts * KELVIN_PER_COUNT - 273.15, view
+    return counts.astype(np.float64) * KELVIN_PER_COUNT - 273.15, view
 
 
 def test_a_road_in_the_sun_is_as_warm_as_the_sol_air_temperature_says() -> None:
