@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import sapien
+from advercity_dsl import Shutter
 from advercity_sapien.culling import SunShadow
 from advercity_sapien.sapien_scene import SapienScene
 from advercity_sapien.shader_bindings import RasterBindings
@@ -25,10 +26,12 @@ from numpy.typing import NDArray
 
 from advercity.compiler import find_weather, with_weather
 from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
+from advercity.pipeline.sensing import build_camera_view
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraView, RenderProfile, load_backend
 from advercity.rendering.light_sources import list_light_sources
 from advercity.sensors.camera import CameraConditions, CameraExposure, render_image
+from advercity.sensors.camera.moments import list_moments
 
 SPEC = Path("compiled/ui_clear_day_dense.json")
 SAPIEN_PACKS = Path(sapien.__file__).parent / "vulkan_shader"
@@ -114,7 +117,32 @@ def run_benchmark(*, quick: bool) -> list[Measurement]:
         found.append(
             Measurement(f"image, {weather}", ratio, "SAPIEN's `default` pack", at_most=GOAL)
         )
+    band_s, image_s = measure_bands(scene, rounds)
+    found.append(Measurement("band of a rolling shutter", band_s / image_s, "an image"))
     return found
+
+
+def measure_bands(scene: BenchmarkScene, rounds: int) -> tuple[float, float]:
+    """Measure median seconds of processor time of a band of a rolling shutter, and of an image."""
+    ego, profile = scene.ego, RenderProfile("bench", WIDTH_PX / 1920, "raster")
+    camera = ego.sensors.camera.model_copy(update={"shutter": Shutter(readout_ms=30, bands=4)})
+    times_s = [moment.time_s for moment in list_moments(camera, shutter_s=0.005)]
+    views: dict[float, CameraView] = {}
+    for time_s in times_s:
+        pose = scene.poses.world_from_cameras(ego, FRAME, time_s=time_s)[0]
+        views[time_s] = build_camera_view(ego, 0, pose, profile)
+    with load_backend("sapien").open(scene.world, scene.air, profile) as renderer:
+
+        def render_bands() -> None:
+            for time_s, view in views.items():
+                renderer.place(scene.frame.advance(time_s))
+                renderer.render_camera(view)
+
+        still = scene.list_views(ego, profile)[0]
+        steps = (render_bands, lambda: renderer.render_camera(still))
+        rows = [[measure_run_time(step).cpu_s for step in steps] for _ in range(WARM_UP + rounds)]
+    bands_s, image_s = map(statistics.median, zip(*rows[WARM_UP:], strict=True))
+    return bands_s / len(times_s), image_s
 
 
 def measure_image(

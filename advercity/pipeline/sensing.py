@@ -32,9 +32,9 @@ from advercity.rendering.backend import (
 from advercity.rendering.light_sources import list_light_sources
 from advercity.rendering.raycaster import Raycaster
 from advercity.sensors.annotation import build_hull_point_lookup, count_lidar_hits, project_boxes
-from advercity.sensors.camera import CameraExposure, ExposedImage, render_image
+from advercity.sensors.camera import CameraExposure, ExposedImage, meter_image, render_image
 from advercity.sensors.camera.lens_map import build_lens_map
-from advercity.sensors.camera.moments import MomentBlender
+from advercity.sensors.camera.moments import MomentBlender, list_moments
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.gnss import SkyView
 from advercity.sensors.lidar import (
@@ -111,9 +111,8 @@ class SensorRig:
     def capture_image(self, agent: Agent, camera: int, index: int) -> Uint8Array:
         """Render the image (h, w, 3), RGB, of one camera alone in recorded frame `index`."""
         frame = self._place_frame(index)
-        pose = self._poses.world_from_cameras(agent, index)[camera]
         capture = self._capture_moments(agent, [camera], frame)[0]
-        return self._render_image(capture, agent, camera, pose, frame).image
+        return self._render_image(capture, agent, camera, frame).image
 
     def capture_camera(self, agent: Agent, camera: int, index: int) -> CameraCapture:
         """Render the light that arrives at one camera alone in recorded frame `index`."""
@@ -123,7 +122,7 @@ class SensorRig:
     def _render_captures(self, frame: Frame) -> Iterator[CameraCapture]:
         """Render the light at all cameras of the placed frame, by agents and their cameras."""
         agents = self._spec.agents
-        if any(item.camera.is_rolling for agent in agents for item in agent.sensors.cameras):
+        if any(item.camera.renders > 1 for agent in agents for item in agent.sensors.cameras):
             # Agent by agent, since the images of all would take much memory.
             return chain.from_iterable(
                 self._capture_moments(agent, range(len(agent.sensors.cameras)), frame)
@@ -141,7 +140,7 @@ class SensorRig:
         self, agent: Agent, cameras: Sequence[int], frame: Frame
     ) -> list[CameraCapture]:
         """Render the light at some cameras of an agent, at all moments of their images."""
-        blenders = {camera: self._build_blender(agent, camera) for camera in cameras}
+        blenders = {camera: self._build_blender(agent, camera, frame) for camera in cameras}
         for time_s in sorted(set[float]().union(*(one.times_s for one in blenders.values()))):
             self._place_actors(frame.advance(time_s) if time_s else frame)
             poses_now = self._poses.world_from_cameras(agent, frame.index, time_s=time_s)
@@ -156,9 +155,25 @@ class SensorRig:
                 blenders[camera].add(capture, time_s)
         return [blenders[camera].finish() for camera in cameras]
 
-    def _build_blender(self, agent: Agent, camera: int) -> MomentBlender:
+    def _build_blender(self, agent: Agent, camera: int, frame: Frame) -> MomentBlender:
         kind = agent.sensors.cameras[camera].camera
-        return MomentBlender(kind, build_camera_model(agent, camera, self._profile))
+        shutter_s = kind.exposure.shutter_s
+        if kind.is_metered_first:
+            shutter_s = self._meter_shutter(agent, camera, frame)
+        moments = list_moments(kind, shutter_s)
+        return MomentBlender(moments, build_camera_model(agent, camera, self._profile))
+
+    def _meter_shutter(self, agent: Agent, camera: int, frame: Frame) -> float:
+        """Meter for how long a camera exposes the scene of the frame's instant, in seconds."""
+        self._place_actors(frame)
+        exposure = self._build_exposure(agent, camera, frame)
+        return meter_image(
+            self._renderer.render_camera(exposure.view),
+            exposure,
+            self._conditions.camera,
+            mount=agent.sensors.cameras[camera].mount,
+            carrier=agent.id,
+        ).shutter_s
 
     def _place_actors(self, frame: Frame) -> None:
         if frame is not self._placed_frame:
@@ -282,7 +297,7 @@ class SensorRig:
     ) -> Iterator[CameraImage]:
         for camera, pose in enumerate(self._poses.world_from_cameras(agent, frame.index)):
             capture, model = next(captures), build_camera_model(agent, camera, self._profile)
-            exposed = self._render_image(capture, agent, camera, pose, frame)
+            exposed = self._render_image(capture, agent, camera, frame)
             lens_map = build_lens_map(model)
             seen = capture if lens_map is None else lens_map.select(capture)
             kind = agent.sensors.cameras[camera].camera
@@ -329,18 +344,10 @@ class SensorRig:
         return measure_optical_flow(seen, motion, self._raycaster, self._move_points)
 
     def _render_image(
-        self, capture: CameraCapture, agent: Agent, camera: int, pose: Matrix, frame: Frame
+        self, capture: CameraCapture, agent: Agent, camera: int, frame: Frame
     ) -> ExposedImage:
-        view = build_camera_view(agent, camera, pose, self._profile)
-        check_capture(capture, view, self._backend_name)
-        exposure = CameraExposure(
-            view=view,
-            camera=agent.sensors.cameras[camera].camera,
-            frame=frame,
-            velocity=self._poses.velocity(agent, frame),
-            light_sources=self._light_sources,
-            lens_map=build_lens_map(build_camera_model(agent, camera, self._profile)),
-        )
+        exposure = self._build_exposure(agent, camera, frame)
+        check_capture(capture, exposure.view, self._backend_name)
         return render_image(
             capture,
             exposure,
@@ -348,6 +355,17 @@ class SensorRig:
             self._poses.make_generator("camera", agent, frame, camera),
             mount=agent.sensors.cameras[camera].mount,
             carrier=agent.id,
+        )
+
+    def _build_exposure(self, agent: Agent, camera: int, frame: Frame) -> CameraExposure:
+        pose = self._poses.world_from_cameras(agent, frame.index)[camera]
+        return CameraExposure(
+            view=build_camera_view(agent, camera, pose, self._profile),
+            camera=agent.sensors.cameras[camera].camera,
+            frame=frame,
+            velocity=self._poses.velocity(agent, frame),
+            light_sources=self._light_sources,
+            lens_map=build_lens_map(build_camera_model(agent, camera, self._profile)),
         )
 
 

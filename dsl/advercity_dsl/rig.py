@@ -116,24 +116,39 @@ class RawOutput(CompactModel):
         return 2**self.bits - 1
 
 
-class Shutter(CompactModel):
-    """Rows that are exposed one after the other, from the top.
+MAX_BLURRED_S = 0.1
+"""Longest exposure that is blurred: a tick, in which bodies go on as their derivatives say."""
 
-    The frame's instant is the middle of the readout: there the middle row is exposed. The scene is
-    rendered once for each band of rows, as it is when the middle of the band is exposed; what moves
-    by p pixels in the readout is p / (2 bands) pixels off at most.
+
+class Shutter(CompactModel):
+    """Rows that are exposed one after the other, from the top, and blur by motion meanwhile.
+
+    The frame's instant is the middle of the readout and of the exposure: then the middle row is in
+    the middle of its exposure. The scene is rendered once for each band of rows, as it is when the
+    middle of the band is exposed; what moves by p pixels in the readout is p / (2 bands) pixels off
+    at most. With blur, it is rendered several times over the exposure of each band.
     """
 
     readout_ms: Annotated[Milliseconds, Field(ge=0, le=100)] = 0
     """Time from the exposure of the first row to that of the last; 0 exposes all at once."""
     bands: Annotated[Count, Field(ge=1, le=128)] = 8
     """Bands of rows; each takes the time of an image."""
+    blur_samples: Annotated[Count, Field(ge=1, le=33)] = 1
+    """Instants of the exposure of which an image is the mean, an odd number: labels are those of
+    the middle one. 1 is no blur; each takes the time of an image."""
 
     @model_validator(mode="after")
     def _check_bands(self) -> Self:
         if "bands" in self.model_fields_set and self.bands > 1 and self.readout_ms == 0:
             message = "has no effect without readout_ms"
             raise InvalidCombination(("bands",), message, "give the readout time of the sensor")
+        return self
+
+    @model_validator(mode="after")
+    def _check_blur_samples(self) -> Self:
+        if self.blur_samples % 2 == 0:
+            hint = f"give {self.blur_samples - 1} or {self.blur_samples + 1}"
+            raise InvalidCombination(("blur_samples",), "is even", hint)
         return self
 
 
@@ -166,7 +181,7 @@ class Camera(CompactModel):
     point_spread: PointSpread | None = Field(default=None, exclude_if=is_none)
     """Blur by the lens; without it, images are sharp to the pixel."""
     shutter: Shutter | None = Field(default=None, exclude_if=is_none)
-    """Rolling shutter; without it, all rows are exposed at once."""
+    """Rolling shutter and blur by motion; without it, images show one instant."""
     hdr: Flag = Field(default=False, exclude_if=is_empty)
     """Whether a linear image of 16 bits is written too: what the sensor measured before the tone
     curve, with the stops of `highlights_ev`."""
@@ -217,6 +232,15 @@ class Camera(CompactModel):
             raise InvalidCombination(("truth",), message, hint, other_path=("shutter",))
         return self
 
+    @model_validator(mode="after")
+    def _check_blurred_time(self) -> Self:
+        has_blur = self.shutter is not None and self.shutter.blur_samples > 1
+        if has_blur and self.exposure.shutter_s > MAX_BLURRED_S:
+            message = f"is longer than {MAX_BLURRED_S:g} s, for which motion is known to blur"
+            hint = "give less, or no blur_samples"
+            raise InvalidCombination(("exposure", "shutter_s"), message, hint)
+        return self
+
     @property
     def is_rolling(self) -> bool:
         """Whether its rows are exposed one after the other."""
@@ -225,7 +249,16 @@ class Camera(CompactModel):
     @property
     def renders(self) -> int:
         """Images that a renderer makes for one of this camera."""
-        return self.shutter.bands if self.shutter is not None and self.is_rolling else 1
+        if self.shutter is None:
+            return 1
+        bands = self.shutter.bands if self.is_rolling else 1
+        return bands * self.shutter.blur_samples + self.is_metered_first
+
+    @property
+    def is_metered_first(self) -> bool:
+        """Whether an image is rendered to meter the exposure whose blur is then rendered."""
+        has_blur = self.shutter is not None and self.shutter.blur_samples > 1
+        return has_blur and self.exposure.mode == "sensor"
 
     @property
     def focal_px(self) -> float:

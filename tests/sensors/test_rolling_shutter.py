@@ -1,4 +1,4 @@
-"""Rolling shutters against leans that were computed by hand, through the rig of a scenario."""
+"""Rolling shutters and blur against leans and ramps computed by hand, through a scenario's rig."""
 
 import math
 from pathlib import Path
@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from advercity_dsl import Camera, Mount, Shutter, Spec
+from advercity_dsl import Camera, Exposure, Mount, Shutter, Spec
 from advercity_dsl.lens import KannalaBrandtLens
 from pydantic import ValidationError
 
@@ -204,6 +204,44 @@ def test_bands_are_off_by_half_of_what_moves_in_one() -> None:
     assert 1 <= np.abs(off_px).max() <= 13.44 / (2 * 4) + 1
 
 
+@pytest.mark.parametrize(("bands", "samples"), [(1, 17), (4, 9)])
+def test_a_passing_car_is_blurred_by_its_speed_times_the_exposure(bands: int, samples: int) -> None:
+    """Its edges are ramps, whose middles are where a car without blur has them."""
+    shutter = {"readout_ms": READOUT_MS, "bands": bands} if bands > 1 else {}
+    exposure = Exposure(mode="manual", shutter_s=0.02)
+    sharp, blurred = (
+        make_camera(Shutter.model_validate({**shutter, "blur_samples": count}), exposure=exposure)
+        for count in (1, samples)
+    )
+    seen = []
+    for camera in (sharp, blurred):
+        rig, _, spec = open_rig(camera, crossing())
+        seen.append(rig.capture_camera(spec.ego, 0, 1))
+    for name in ("depth", "normal", "semantic", "instance"):
+        np.testing.assert_array_equal(*(getattr(item, name) for item in seen), err_msg=name)
+    length_px = FOCAL_PX * SPEED_M_S * 0.02 / DISTANCE_M
+    assert length_px == pytest.approx(8.96, abs=0.01)
+    row = 70
+    left_px, right_px = (edge for edge in np.flatnonzero(np.diff(seen[0].instance[row])) + 1)
+    columns = np.arange(WIDTH) + 0.5
+    # The renderer's light is the actor's id.
+    fraction = seen[1].radiance[row, :, 0] / OTHER
+    for edge_px, sign in ((left_px, 1), (right_px, -1)):
+        near = np.abs(columns - edge_px) < 12
+        ramp = np.clip(0.5 + sign * (columns - edge_px) / length_px, 0, 1)
+        np.testing.assert_allclose(fraction[near], ramp[near], atol=0.5 / length_px + 1 / samples)
+
+
+def test_a_camera_that_moves_its_shutter_blurs_for_the_time_that_it_meters() -> None:
+    camera = make_camera(Shutter(blur_samples=3), exposure=Exposure(mode="sensor"))
+    rig, renderer, spec = open_rig(camera, crossing())
+    rig.capture_image(spec.ego, 0, 1)
+    # The renderer's scene is so dark that the shutter opens to 1/30 s.
+    offsets_s = np.array(renderer.times_s) - renderer.times_s[0]
+    np.testing.assert_allclose(offsets_s, (0, -1 / 90, 0, 1 / 90), atol=1e-9)
+    assert camera.renders == 4
+
+
 def test_normals_are_in_the_axes_of_the_camera_at_their_rows_time() -> None:
     rate = 0.8
     wall = build_box((1.0, 100.0, 100.0), (20.5, 0.0, 0.0))
@@ -250,6 +288,8 @@ def test_readers_and_calibrations_have_the_times_of_rows(tmp_path: Path) -> None
     ("fields", "message"),
     [
         ({"shutter": {"bands": 4}}, "has no effect without readout_ms"),
+        ({"shutter": {"blur_samples": 4}}, "is even"),
+        ({"shutter": {"blur_samples": 3}, "exposure": {"shutter_s": 0.2}}, "longer than 0.1 s"),
         ({"shutter": {"readout_ms": 120}}, "less than or equal to 100"),
         ({"shutter": {"readout_ms": 30}, "truth": ["flow"]}, "images of a rolling shutter"),
     ],

@@ -9,7 +9,12 @@ from advercity.sensors.camera.electronics import (
 )
 from advercity.sensors.camera.exposure import CameraExposure
 from advercity.sensors.camera.falling_particles import move_blocks
-from advercity.sensors.camera.image_formation import CameraConditions, add_air_effects, render_image
+from advercity.sensors.camera.image_formation import (
+    CameraConditions,
+    add_air_effects,
+    meter_image,
+    render_image,
+)
 
 __all__ = [
     "CameraConditions",
@@ -20,6 +25,7 @@ __all__ = [
     "digitise",
     "expose_image",
     "meter_exposure",
+    "meter_image",
     "move_blocks",
     "render_image",
 ]

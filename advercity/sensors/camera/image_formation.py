@@ -22,6 +22,7 @@ from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture
 from advercity.sensors.camera.electronics import (
     ExposedImage,
+    ExposureSettings,
     expose_image,
     find_white_point,
     meter_exposure,
@@ -116,15 +117,34 @@ def render_image(
     electronics.
     """
     light = _light_on_sensor(capture, exposure, conditions, mount, carrier)
-    control = exposure.camera.exposure
-    setting = meter_exposure(light, control, white_card_cd_m2=conditions.white_card_cd_m2)
-    if conditions.blocks and setting.shutter_s != control.shutter_s:
+    setting = _meter_light(light, exposure, conditions)
+    if conditions.blocks and setting.shutter_s != exposure.camera.exposure.shutter_s:
         # The shutter decides how drops streak; that hardly changes what was metered, so once is
         # enough.
         light = _light_on_sensor(
             capture, exposure.with_shutter(setting.shutter_s), conditions, mount, carrier
         )
     return expose_image(light, exposure.camera, setting, rng, white_point=conditions.white_point)
+
+
+def meter_image(
+    capture: CameraCapture,
+    exposure: CameraExposure,
+    conditions: CameraConditions,
+    *,
+    mount: Mount,
+    carrier: str = "",
+) -> ExposureSettings:
+    """Meter the exposure of the image that `render_image` forms."""
+    light = _light_on_sensor(capture, exposure, conditions, mount, carrier)
+    return _meter_light(light, exposure, conditions)
+
+
+def _meter_light(
+    light: NDArray[np.float32], exposure: CameraExposure, conditions: CameraConditions
+) -> ExposureSettings:
+    control = exposure.camera.exposure
+    return meter_exposure(light, control, white_card_cd_m2=conditions.white_card_cd_m2)
 
 
 def add_air_effects(

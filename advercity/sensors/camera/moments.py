@@ -1,15 +1,18 @@
-"""Moments at which a scene is rendered for one image: rows may be exposed one after the other."""
+"""Moments at which a scene is rendered for one image: rows and parts of their exposure."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from advercity_dsl import Camera
+from advercity_dsl import Camera, Shutter
 from numpy.typing import NDArray
 
 from advercity.rendering.backend import CAPTURE_ARRAYS, CameraCapture
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.rolling_shutter import compute_row_times
+
+LABEL_ARRAYS = [name for name in CAPTURE_ARRAYS if name != "radiance"]
 
 
 class Moment(NamedTuple):
@@ -19,13 +22,28 @@ class Moment(NamedTuple):
     """Time from the frame's instant."""
     band: int
     """Number of the band, from the top."""
+    weight: float
+    """Fraction of the band's exposure that it stands for."""
+    has_labels: bool
+    """Whether it is the middle of the exposure, which labels are of."""
 
 
-def list_moments(camera: Camera) -> tuple[Moment, ...]:
-    """List the moments of an image of a camera, in the order of time."""
-    middles = (np.arange(camera.renders) + 0.5) / camera.renders
-    times_s = compute_row_times(middles, camera, 1).tolist()
-    return tuple(Moment(time_s, band) for band, time_s in enumerate(times_s))
+def list_moments(camera: Camera, shutter_s: float) -> tuple[Moment, ...]:
+    """List the moments of an image of a camera that exposes each row for a time."""
+    shutter = camera.shutter or Shutter()
+    bands = shutter.bands if camera.is_rolling else 1
+    middles_s = compute_row_times((np.arange(bands) + 0.5) / bands, camera, 1).tolist()
+    parts = range(-(shutter.blur_samples // 2), shutter.blur_samples // 2 + 1)
+    return tuple(
+        Moment(
+            time_s=middle_s + part * shutter_s / shutter.blur_samples,
+            band=band,
+            weight=1 / shutter.blur_samples,
+            has_labels=part == 0,
+        )
+        for band, middle_s in enumerate(middles_s)
+        for part in parts
+    )
 
 
 @lru_cache(maxsize=8)
@@ -43,15 +61,15 @@ def locate_bands(model: CameraModel, count: int) -> NDArray[np.intp]:
 
 
 class MomentBlender:
-    """Puts the captures of an image's moments together to one.
+    """Puts the captures of an image's moments together to one: means of light, selected labels.
 
     Args:
-        camera: The camera.
-        model: Its projection to the image.
+        moments: Moments of the image.
+        model: Projection of the camera to the image.
     """
 
-    def __init__(self, camera: Camera, model: CameraModel) -> None:
-        self._moments, self._model = list_moments(camera), model
+    def __init__(self, moments: Sequence[Moment], model: CameraModel) -> None:
+        self._moments, self._model = moments, model
         self._blend: CameraCapture | None = None
 
     @property
@@ -65,20 +83,25 @@ class MomentBlender:
             self._blend = capture
             return
         if self._blend is None:
-            self._blend = CameraCapture(*(getattr(capture, name).copy() for name in CAPTURE_ARRAYS))
+            arrays = (np.zeros_like(getattr(capture, name)) for name in CAPTURE_ARRAYS)
+            self._blend = CameraCapture(*arrays)
         for moment in self._moments:
             if moment.time_s == time_s:
-                self._copy_band(capture, self._blend, moment.band)
+                self._add_band(capture, self._blend, moment)
 
     def finish(self) -> CameraCapture:
         """Return the capture of the whole image, once those of all times have been added."""
         assert self._blend is not None, "no capture was added"
         return self._blend
 
-    def _copy_band(self, source: CameraCapture, target: CameraCapture, band: int) -> None:
-        is_shown = locate_bands(self._model, len(self._moments)) == band
+    def _add_band(self, source: CameraCapture, target: CameraCapture, moment: Moment) -> None:
+        is_shown = locate_bands(self._model, 1 + self._moments[-1].band) == moment.band
         rows = np.flatnonzero(is_shown.any(axis=1))
         some = slice(rows[0], rows[-1] + 1) if len(rows) else slice(0)
-        for name, (_, channels) in CAPTURE_ARRAYS.items():
-            where = is_shown[some][..., None] if channels else is_shown[some]
-            np.copyto(getattr(target, name)[some], getattr(source, name)[some], where=where)
+        where = is_shown[some]
+        light = np.float32(moment.weight) * source.radiance[some]
+        np.add(target.radiance[some], light, out=target.radiance[some], where=where[..., None])
+        for name in LABEL_ARRAYS if moment.has_labels else ():
+            labels = getattr(target, name)[some]
+            selected = where.reshape(*where.shape, *(1 for _ in labels.shape[2:]))
+            np.copyto(labels, getattr(source, name)[some], where=selected)
