@@ -135,6 +135,11 @@ class Attention(nn.Module):
         super().__init__()
         self.query = nn.Conv2d(channels, channels, 1)
         self.key = nn.Conv2d(channels, channels, 1)
+        # At first, the stations with the strongest features in a cell are heard most.
+        nn.init.zeros_(self.query.weight)
+        nn.init.ones_(self.query.bias)
+        nn.init.dirac_(self.key.weight)
+        nn.init.zeros_(self.key.bias)
 
     def forward(self, maps: Tensor, inside: Tensor) -> Tensor:
         """Fuse maps (s, c, nx, ny), the ego's first, where they exist (s, nx, ny)."""
