@@ -6,7 +6,7 @@ into a matrix when a frame is built.
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Any, get_args
@@ -124,6 +124,9 @@ class ActorState:
     """Box of a pedestrian in its pose, without umbrella; set from the body, not part of the
     trace."""
     motion: BodyMotion = AT_REST
+    tail_light_ratio: float = 1.0
+    """Light of its tail lamps that a camera collects, relative to their mean; not part of the
+    trace."""
 
     @property
     def box(self) -> Box:
@@ -155,6 +158,8 @@ class Frame:
     states: tuple[ActorState, ...]
     signals: Mapping[str, Signal]
     """State of traffic lights by `SignalLamp.id`."""
+    signal_light_ratios: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Light of traffic lights that a camera collects, relative to its mean; 1 for all others."""
 
     def get_state(self, actor_id: int) -> ActorState:
         """Return the state of an actor; KeyError if it is not in this frame."""

@@ -126,7 +126,7 @@ def measure_bands(scene: BenchmarkScene, rounds: int) -> tuple[float, float]:
     """Measure median seconds of processor time of a band of a rolling shutter, and of an image."""
     ego, profile = scene.ego, RenderProfile("bench", WIDTH_PX / 1920, "raster")
     camera = ego.sensors.camera.model_copy(update={"shutter": Shutter(readout_ms=30, bands=4)})
-    times_s = [moment.time_s for moment in list_moments(camera, shutter_s=0.005)]
+    times_s = [moment.instant.time_s for moment in list_moments(camera, shutter_s=0.005)]
     views: dict[float, CameraView] = {}
     for time_s in times_s:
         pose = scene.poses.world_from_cameras(ego, FRAME, time_s=time_s)[0]

@@ -29,12 +29,13 @@ from advercity.rendering.backend import (
     RenderProfile,
     check_capture,
 )
+from advercity.rendering.led_flicker import apply_led_flicker
 from advercity.rendering.light_sources import list_light_sources
 from advercity.rendering.raycaster import Raycaster
 from advercity.sensors.annotation import build_hull_point_lookup, count_lidar_hits, project_boxes
 from advercity.sensors.camera import CameraExposure, ExposedImage, meter_image, render_image
 from advercity.sensors.camera.lens_map import build_lens_map
-from advercity.sensors.camera.moments import MomentBlender, list_moments
+from advercity.sensors.camera.moments import Instant, MomentBlender, list_moments
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.gnss import SkyView
 from advercity.sensors.lidar import (
@@ -122,7 +123,7 @@ class SensorRig:
     def _render_captures(self, frame: Frame) -> Iterator[CameraCapture]:
         """Render the light at all cameras of the placed frame, by agents and their cameras."""
         agents = self._spec.agents
-        if any(item.camera.renders > 1 for agent in agents for item in agent.sensors.cameras):
+        if any(item.camera.has_moments for agent in agents for item in agent.sensors.cameras):
             # Agent by agent, since the images of all would take much memory.
             return chain.from_iterable(
                 self._capture_moments(agent, range(len(agent.sensors.cameras)), frame)
@@ -141,10 +142,11 @@ class SensorRig:
     ) -> list[CameraCapture]:
         """Render the light at some cameras of an agent, at all moments of their images."""
         blenders = {camera: self._build_blender(agent, camera, frame) for camera in cameras}
-        for time_s in sorted(set[float]().union(*(one.times_s for one in blenders.values()))):
-            self._place_actors(frame.advance(time_s) if time_s else frame)
-            poses_now = self._poses.world_from_cameras(agent, frame.index, time_s=time_s)
-            shown = [camera for camera in cameras if time_s in blenders[camera].times_s]
+        instants = set[Instant]().union(*(one.instants for one in blenders.values()))
+        for instant in sorted(instants, key=lambda one: (one.time_s, one.exposure_s or 0.0)):
+            self._place_actors(self._advance_frame(frame, instant))
+            poses_now = self._poses.world_from_cameras(agent, frame.index, time_s=instant.time_s)
+            shown = [camera for camera in cameras if instant in blenders[camera].instants]
             captures = self._renderer.render_cameras(
                 [
                     build_camera_view(agent, camera, poses_now[camera], self._profile)
@@ -152,7 +154,7 @@ class SensorRig:
                 ]
             )
             for camera, capture in zip(shown, captures, strict=True):
-                blenders[camera].add(capture, time_s)
+                blenders[camera].add(capture, instant)
         return [blenders[camera].finish() for camera in cameras]
 
     def _build_blender(self, agent: Agent, camera: int, frame: Frame) -> MomentBlender:
@@ -174,6 +176,13 @@ class SensorRig:
             mount=agent.sensors.cameras[camera].mount,
             carrier=agent.id,
         ).shutter_s
+
+    def _advance_frame(self, frame: Frame, instant: Instant) -> Frame:
+        """Advance actors to an instant, and let lamps flicker in its exposure."""
+        then = frame.advance(instant.time_s) if instant.time_s else frame
+        if instant.exposure_s is None:
+            return then
+        return apply_led_flicker(then, instant.exposure_s, seed=self._spec.seeds.traffic)
 
     def _place_actors(self, frame: Frame) -> None:
         if frame is not self._placed_frame:

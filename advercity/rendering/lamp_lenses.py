@@ -81,20 +81,23 @@ def is_snowless(material: str) -> bool:
     return material in SNOWLESS_MATERIALS or material.startswith("cloth_")
 
 
-def compute_lens_luminances(lamps: Lamp, signal: Signal | None = None) -> list[float]:
+def compute_lens_luminances(
+    lamps: Lamp, signal: Signal | None = None, light_ratio: float = 1.0
+) -> list[float]:
     """Compute the luminance in kcd/m² per albedo of every kind of lens of a body, by its number.
 
     Args:
         lamps: Lit lamps of a vehicle.
         signal: What a traffic light shows.
+        light_ratio: Light of tail lamps, or of the traffic light, relative to its mean.
     """
     luminances = [0.0] * (1 + len(LensKind))
     for kind, lamp in _LAMPS.items():
         luminances[kind] = LENS_KCD_M2[kind] if lamps & lamp else 0.0
     if lamps & Lamp.LOW_BEAM and not luminances[LensKind.LAMP_RED]:
-        luminances[LensKind.LAMP_RED] = TAIL_LAMP_KCD_M2
+        luminances[LensKind.LAMP_RED] = light_ratio * TAIL_LAMP_KCD_M2
     for kind, shown in _SIGNALS.items():
-        luminances[kind] = LENS_KCD_M2[kind] if signal is shown else 0.0
+        luminances[kind] = light_ratio * LENS_KCD_M2[kind] if signal is shown else 0.0
     return luminances
 
 

@@ -59,15 +59,19 @@ SIGNAL_LENS_OFFSET_M = 0.02
 def list_light_sources(world: World, frame: Frame) -> list[LightSource]:
     """List all lamps that are lit in a frame at night."""
     beams = zip(frame.states, unobstructed_distance_m(frame.states), strict=True)
-    return [
+    lamps = [
         *(_build_street_light(lamp) for lamp in world.street_lamps),
         *(
-            _build_signal_light(lamp, frame.signals[lamp.id])
+            _build_signal_light(
+                lamp, frame.signals[lamp.id], frame.signal_light_ratios.get(lamp.id, 1.0)
+            )
             for lamp in world.signal_lamps
             if frame.signals[lamp.id] in SIGNAL_HEADS[lamp.governs].lens_heights_m
         ),
         *(lamp for state, free_m in beams for lamp in _iterate_vehicle_lights(state, free_m)),
     ]
+    # Those that flicker may be dark throughout an exposure.
+    return [lamp for lamp in lamps if lamp.intensity_cd > 0.0]
 
 
 def _build_street_light(lamp: StreetLamp) -> LightSource:
@@ -77,12 +81,12 @@ def _build_street_light(lamp: StreetLamp) -> LightSource:
     )
 
 
-def _build_signal_light(lamp: SignalLamp, shown: Signal) -> LightSource:
+def _build_signal_light(lamp: SignalLamp, shown: Signal, light_ratio: float) -> LightSource:
     facing = (*lamp.facing, 0.0)
     ahead, _, up = signal_lens_position(lamp.governs, shown)
     position = np.add(lamp.position, np.multiply(facing, ahead + LAMP_BODY_CLEARANCE_M))
     position[2] += up
-    cd = SIGNAL_CD[lamp.governs]
+    cd = light_ratio * SIGNAL_CD[lamp.governs]
     return LightSource(LampPattern.LENS, tuple(position), facing, cd, SIGNAL_COLOURS[shown])
 
 
@@ -122,7 +126,8 @@ def _iterate_vehicle_lights(state: ActorState, unobstructed_m: float) -> Iterato
             LampPattern.FOG_BEAM, low, tuple(down), FRONT_FOG_CD, HALOGEN_COLOUR, unobstructed_m
         )
     if state.lamps & (Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG):
-        rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else TAIL_CD
+        tail_cd = TAIL_CD * state.tail_light_ratio
+        rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else tail_cd
         rear_cd += REAR_FOG_CD if Lamp.FOG in state.lamps else 0.0
         rear_cd /= len(sides)
         for left in sides:

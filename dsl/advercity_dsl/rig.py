@@ -136,6 +136,9 @@ class Shutter(CompactModel):
     blur_samples: Annotated[Count, Field(ge=1, le=33)] = 1
     """Instants of the exposure of which an image is the mean, an odd number: labels are those of
     the middle one. 1 is no blur; each takes the time of an image."""
+    led_flicker: Flag = False
+    """Whether signals and tail lamps flicker, as LEDs do on rectified mains and on pulses; without
+    it, the sensor mitigates it."""
 
     @model_validator(mode="after")
     def _check_bands(self) -> Self:
@@ -255,10 +258,15 @@ class Camera(CompactModel):
         return bands * self.shutter.blur_samples + self.is_metered_first
 
     @property
+    def has_moments(self) -> bool:
+        """Whether its images show other moments than the frame's instant without flicker."""
+        return self.renders > 1 or (self.shutter is not None and self.shutter.led_flicker)
+
+    @property
     def is_metered_first(self) -> bool:
-        """Whether an image is rendered to meter the exposure whose blur is then rendered."""
-        has_blur = self.shutter is not None and self.shutter.blur_samples > 1
-        return has_blur and self.exposure.mode == "sensor"
+        """Whether an image is rendered to meter the exposure that decides blur and flicker."""
+        shutter, is_self_exposing = self.shutter or Shutter(), self.exposure.mode == "sensor"
+        return is_self_exposing and (shutter.blur_samples > 1 or shutter.led_flicker)
 
     @property
     def focal_px(self) -> float:

@@ -21,15 +21,20 @@ class CastRenderer:
     def __init__(self, world: World) -> None:
         self._raycaster = Raycaster(world)
         self._frame: Frame | None = None
-        self.times_s: list[float] = []
+        self.frames: list[Frame] = []
+
+    @property
+    def times_s(self) -> list[float]:
+        """Times of all frames that were placed."""
+        return [frame.time_s for frame in self.frames]
 
     def change_atmosphere(self, atmosphere: Atmosphere) -> None:
         """Do nothing: there is no light."""
 
     def place(self, frame: Frame) -> None:
-        """Place the actors, and record the time."""
+        """Place the actors, and record the frame."""
         self._frame = frame
-        self.times_s.append(frame.time_s)
+        self.frames.append(frame)
 
     def render_cameras(self, views: Sequence[CameraView]) -> Iterator[CameraCapture]:
         """Render images, in order."""

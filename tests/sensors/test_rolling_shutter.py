@@ -1,6 +1,7 @@
 """Rolling shutters and blur against leans and ramps computed by hand, through a scenario's rig."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -240,6 +241,22 @@ def test_a_camera_that_moves_its_shutter_blurs_for_the_time_that_it_meters() -> 
     offsets_s = np.array(renderer.times_s) - renderer.times_s[0]
     np.testing.assert_allclose(offsets_s, (0, -1 / 90, 0, 1 / 90), atol=1e-9)
     assert camera.renders == 4
+
+
+def test_signals_flicker_from_band_to_band_in_short_exposures_only() -> None:
+    trace = replace(crossing(), signal_ids=("a",), signals=np.zeros((3, 1), np.uint8))
+    found: list[list[float]] = []
+    for shutter_s in (1e-4, 1 / 120):
+        shutter = Shutter(readout_ms=READOUT_MS, bands=18, led_flicker=True)
+        camera = make_camera(shutter, exposure=Exposure(mode="manual", shutter_s=shutter_s))
+        rig, renderer, spec = open_rig(camera, trace)
+        rig.capture_image(spec.ego, 0, 1)
+        found.append([frame.signal_light_ratios["a"] for frame in renderer.frames[1:]])
+    # Five bands are a period of 120 Hz: two or three of them are dark.
+    is_dark = np.array(found[0]) == 0
+    assert set(np.round(found[0], 3)) == {0.0, 2.0}
+    np.testing.assert_array_equal(is_dark[5:], is_dark[:-5])
+    np.testing.assert_allclose(found[1], 1.0, atol=1e-9)
 
 
 def test_normals_are_in_the_axes_of_the_camera_at_their_rows_time() -> None:

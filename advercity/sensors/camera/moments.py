@@ -15,11 +15,19 @@ from advercity.sensors.rolling_shutter import compute_row_times
 LABEL_ARRAYS = [name for name in CAPTURE_ARRAYS if name != "radiance"]
 
 
-class Moment(NamedTuple):
-    """A time at which the scene is rendered for a band of rows of an image."""
+class Instant(NamedTuple):
+    """A time at which the scene is rendered."""
 
     time_s: float
     """Time from the frame's instant."""
+    exposure_s: float | None = None
+    """Exposure around it in which lamps flicker; None if they do not."""
+
+
+class Moment(NamedTuple):
+    """An instant for which a band of rows of an image is rendered."""
+
+    instant: Instant
     band: int
     """Number of the band, from the top."""
     weight: float
@@ -33,10 +41,11 @@ def list_moments(camera: Camera, shutter_s: float) -> tuple[Moment, ...]:
     shutter = camera.shutter or Shutter()
     bands = shutter.bands if camera.is_rolling else 1
     middles_s = compute_row_times((np.arange(bands) + 0.5) / bands, camera, 1).tolist()
+    part_s = shutter_s / shutter.blur_samples
     parts = range(-(shutter.blur_samples // 2), shutter.blur_samples // 2 + 1)
     return tuple(
         Moment(
-            time_s=middle_s + part * shutter_s / shutter.blur_samples,
+            instant=Instant(middle_s + part * part_s, part_s if shutter.led_flicker else None),
             band=band,
             weight=1 / shutter.blur_samples,
             has_labels=part == 0,
@@ -73,12 +82,12 @@ class MomentBlender:
         self._blend: CameraCapture | None = None
 
     @property
-    def times_s(self) -> set[float]:
-        """Times at which a capture is needed."""
-        return {moment.time_s for moment in self._moments}
+    def instants(self) -> set[Instant]:
+        """Instants at which a capture is needed."""
+        return {moment.instant for moment in self._moments}
 
-    def add(self, capture: CameraCapture, time_s: float) -> None:
-        """Add the capture of the scene at one of the times."""
+    def add(self, capture: CameraCapture, instant: Instant) -> None:
+        """Add the capture of the scene at one of the instants."""
         if len(self._moments) == 1:
             self._blend = capture
             return
@@ -86,11 +95,11 @@ class MomentBlender:
             arrays = (np.zeros_like(getattr(capture, name)) for name in CAPTURE_ARRAYS)
             self._blend = CameraCapture(*arrays)
         for moment in self._moments:
-            if moment.time_s == time_s:
+            if moment.instant == instant:
                 self._add_band(capture, self._blend, moment)
 
     def finish(self) -> CameraCapture:
-        """Return the capture of the whole image, once those of all times have been added."""
+        """Return the capture of the whole image, once those of all instants have been added."""
         assert self._blend is not None, "no capture was added"
         return self._blend
 

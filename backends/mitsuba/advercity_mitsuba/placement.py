@@ -97,7 +97,8 @@ class FramePlacer:
             found.append(_Instance(self._static, np.eye(4), 0, 0, lit))
         for lamp in self._world.signal_lamps:
             yaw = float(np.arctan2(lamp.facing[1], lamp.facing[0]))
-            lit = compute_lens_luminances(Lamp(0), frame.signals[lamp.id])
+            light_ratio = frame.signal_light_ratios.get(lamp.id, 1.0)
+            lit = compute_lens_luminances(Lamp(0), frame.signals[lamp.id], light_ratio)
             pose = pose_matrix(lamp.position, yaw=yaw)
             found.append(_Instance(self._lenses[lamp.governs], pose, 0, 0, lit))
         return found
@@ -105,7 +106,7 @@ class FramePlacer:
     def _list_actor(self, state: ActorState) -> list[_Instance]:
         found = compute_body_pose(state, self._world.bodies)
         world_from_mesh = state.world_from_body @ found.body_from_mesh
-        lit = compute_lens_luminances(state.lamps)
+        lit = compute_lens_luminances(state.lamps, light_ratio=state.tail_light_ratio)
         paint = get_paint_row(state.actor.paint)
         return [
             _Instance(

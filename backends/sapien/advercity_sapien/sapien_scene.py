@@ -22,7 +22,11 @@ from advercity_sapien.culling import ANY_PIXEL, FrustumCuller, PixelRange
 from advercity_sapien.leaf_levels import LEAF_MATERIALS, build_levels
 from advercity_sapien.material_textures import MapAxes, MaterialTextures
 from advercity_sapien.shader_bindings import RenderBody, ShaderBindings
-from advercity_sapien.shader_constants import FIRST_SIGNAL_BIT
+from advercity_sapien.shader_constants import (
+    FIRST_SIGNAL_BIT,
+    LIGHT_RATIO_BIT,
+    LIGHT_RATIO_STEPS,
+)
 
 PAINT_MATERIAL = "paint"
 """Material of the parts that have the paint of their actor."""
@@ -214,12 +218,15 @@ class SapienScene:
             bodies = self._acquire_bodies(state.actor.id, appearances[state.actor.id])
             world_from_mesh = state.world_from_body @ poses[state.actor.id].body_from_mesh
             self._move_bodies(bodies, state, world_from_mesh)
+            lit = int(state.lamps) | _pack_light_ratio(state.tail_light_ratio)
             for body in bodies.values():
-                self._bindings.set_lit_lamps(body, int(state.lamps))
+                self._bindings.set_lit_lamps(body, lit)
         if self._frees_poses:
             self._free_spare_poses()
         for name, body in self._signals:
-            self._bindings.set_lit_lamps(body, FIRST_SIGNAL_BIT << frame.signals[name])
+            ratio = frame.signal_light_ratios.get(name, 1.0)
+            lit = FIRST_SIGNAL_BIT << frame.signals[name] | _pack_light_ratio(ratio)
+            self._bindings.set_lit_lamps(body, lit)
 
     def _free_spare_poses(self) -> None:
         for appearance in [item for item in self._spare_bodies if item[0].pose_index is not None]:
@@ -332,6 +339,11 @@ class SapienScene:
     def _label_shapes(self, body: RenderBody, meshes: Iterable[Mesh], actor_id: int) -> None:
         for shape, mesh in zip(body.render_shapes, meshes, strict=True):
             self.segmentation.assign(shape.per_scene_id, mesh.semantic, actor_id)
+
+
+def _pack_light_ratio(ratio: float) -> int:
+    """Pack the light of flickering lamps, relative to its mean, for `set_lit_lamps`."""
+    return 0 if ratio == 1.0 else 1 + round(LIGHT_RATIO_STEPS * ratio) << LIGHT_RATIO_BIT
 
 
 class SegmentationTable:

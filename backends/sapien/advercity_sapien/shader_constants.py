@@ -52,6 +52,9 @@ NEAR_M, FAR_M = 0.1, 3000.0
 """Depths between which cameras see."""
 FIRST_SIGNAL_BIT = 64
 """Bit of a red signal among a body's lit lamps, then yellow and green; `Lamp` has those below."""
+LIGHT_RATIO_BIT, LIGHT_RATIO_STEPS = 10, 64
+"""First bit of the light of flickering lamps in a body's lit lamps, and steps of their mean light;
+0 is the mean itself, others are one more than the number of steps. Floats hold all of it."""
 BEAM_FIELDS: dict[str, Callable[[LampBeam], float]] = {
     "cutoffDrop": lambda beam: beam.cutoff_drop_deg,
     "kinkSlope": lambda beam: beam.kink_slope,
@@ -93,6 +96,8 @@ def _format_constants() -> Iterator[str]:
     yield from _format_integers("LIT", {str(item.name): item.value for item in Lamp})
     signals = {f"SIGNAL_{item.name}": FIRST_SIGNAL_BIT << item for item in Signal}
     yield from _format_integers("LIT", signals)
+    ratio = {"RATIO_BIT": LIGHT_RATIO_BIT, "RATIO_STEPS": LIGHT_RATIO_STEPS}
+    yield from _format_integers("LIGHT", ratio)
     lobes = DropletPhaseLobes.from_diameter_um(DROPLET_UM)
     # As many digits as the golden images were made with.
     yield from (

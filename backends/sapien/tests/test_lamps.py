@@ -166,3 +166,20 @@ def test_brake_lamps_are_brighter_than_tail_lamps_and_those_than_none(opened: Op
             renderer.place(frame_of(state(1, (8, 0, 0), lamps=lamps)))
             seen.append(centre(luminance(renderer.render_camera(view_of(size=(21, 21))))))
     assert seen[0] == 0.0 < 5.0 * seen[1] < seen[2]
+
+
+def test_lamps_that_flicker_show_the_light_that_an_exposure_collects(opened: Open) -> None:
+    body = Body((build_box((0, 0, 1), (2, 2, 2), "lamp_red", Semantic.VEHICLE),), (2.0, 2.0, 2.0))
+    lamp = SignalLamp("j/a", (5.0, 0.0, 1.0), (-1.0, 0.0))
+    world = world_of(signal_lamps=(lamp,), bodies={"box": body})
+    views = view_of(size=(161, 161)), view_of(pose_matrix((0, 20, 0)), size=(21, 21))
+    seen: list[tuple[float, float]] = []
+    with opened(world, air_of()) as renderer:
+        for ratio in (1.0, 0.0, 0.5, 2.0):
+            tail = replace(state(1, (8, 20, 0), lamps=Lamp.LOW_BEAM), tail_light_ratio=ratio)
+            shown = frame_of(tail, **{"j/a": Signal.RED})
+            renderer.place(replace(shown, signal_light_ratios={"j/a": ratio}))
+            signal, rear = (luminance(renderer.render_camera(view)) for view in views)
+            seen.append((float(signal.max()), centre(rear)))
+    np.testing.assert_allclose(np.divide(seen, seen[0])[:, 0], (1, 0, 0.5, 2), atol=0.01)
+    np.testing.assert_allclose(np.divide(seen, seen[0])[:, 1], (1, 0, 0.5, 2), atol=0.01)
