@@ -505,6 +505,16 @@ class AgentView:
         return replace(authored, focal_px=float(matrix[0, 0]))
 
     @property
+    def stamps(self) -> dict[str, float]:
+        """When sensors with rates of their own measured, as `frame.time_s`: `lidar0`, `radar0`.
+
+        All others measured at the frame's time.
+        """
+        with report_read_errors(self.path(".yaml")):
+            found: dict[str, Any] = self.description.get("stamps", {})
+            return {name: float(time_s) for name, time_s in found.items()}
+
+    @property
     def speed_m_s(self) -> float:
         """Speed of the vehicle; 0 for a roadside unit."""
         with report_read_errors(self.path(".yaml")):

@@ -178,6 +178,7 @@ def build_frame_description(
             for x, y, speed in sensor_frame.planned_trajectory
         ],
         **_describe_weather(sensor_frame.weather),
+        **_describe_stamps(sensor_frame),
         "vehicles": {item.state.actor.id: _describe_object(item) for item in vehicles},
         "walkers": {item.state.actor.id: _describe_object(item) for item in pedestrians},
     }
@@ -193,6 +194,12 @@ def _describe_weather(weather: Weather | None) -> dict[str, Any]:
         for name, value in truth.items()
     }
     return {"weather": rounded}
+
+
+def _describe_stamps(sensor_frame: SensorFrame) -> dict[str, Any]:
+    """Describe when sensors with rates of their own measured; nothing without such sensors."""
+    stamps = {name: to_plain(time_s) for name, time_s in sensor_frame.stamps.items()}
+    return {"stamps": stamps} if stamps else {}
 
 
 def _is_pedestrian(item: Annotation) -> bool:

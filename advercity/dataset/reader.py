@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.formats import DatasetFormat, find_format, format_frame_name
@@ -160,22 +160,37 @@ class Scenario(Sequence[FrameView]):
     def load_stamps(self, agent: str) -> dict[str, NDArray[np.float64]]:
         """Load the times (n,) of an agent's measurements since the scenario's start, by sensor.
 
-        `camera0`, `lidar0` and `radar0` count as in the files; they measure with every frame, a
-        LiDAR until then. `gnss`, `imu` and `can` are those that the agent has.
+        `camera0`, `lidar0`, `radar0` and `thermal0` count as in the files and have a time for every
+        frame: that of the sample in its file, the same as in the frame before if there was none
+        since. `gnss`, `imu` and `can` are those that the agent has.
         """
         sensors = self[0][agent].agent.sensors
-        frames = np.array([frame.time_s for frame in self])
+        found = [(frame.time_s, frame[agent].stamps) for frame in self]
         counts = {
             "camera": len(sensors.cameras),
             "lidar": len(sensors.lidars),
             "radar": len(sensors.radars),
+            "thermal": len(sensors.thermals),
         }
+        names = [f"{name}{number}" for name, count in counts.items() for number in range(count)]
         stamps = {
-            f"{name}{number}": frames for name, count in counts.items() for number in range(count)
+            name: np.array([own.get(name, time_s) for time_s, own in found]) for name in names
         }
         kinds: tuple[SampleKind, ...] = ("gnss", "imu", "can")
-        found = {kind: self.load_samples(agent, kind).times_s for kind in kinds}
-        return stamps | {kind: times for kind, times in found.items() if len(times)}
+        series = {kind: self.load_samples(agent, kind).times_s for kind in kinds}
+        return stamps | {kind: times for kind, times in series.items() if len(times)}
+
+    def find_nearest(self, agent: str, sensor: str, times_s: ArrayLike) -> NDArray[np.int64]:
+        """Find the numbers (m,) of the frames whose sample of a sensor is nearest to times (m,).
+
+        `sensor` is a name of `load_stamps`, such as `lidar0`. Of frames with the same sample it is
+        the first.
+        """
+        stamps = self.load_stamps(agent)
+        if sensor not in stamps or sensor in ("gnss", "imu", "can"):
+            raise InputError(f"{agent} has no camera, LiDAR or radar of the name '{sensor}'")
+        off = np.abs(np.atleast_1d(np.asarray(times_s, np.float64))[:, None] - stamps[sensor])
+        return np.array(self._frame_numbers)[off.argmin(axis=1)]
 
     def __len__(self) -> int:
         """Return the number of written frames."""

@@ -8,6 +8,7 @@ from functools import lru_cache, partial
 import numpy as np
 from advercity_dsl import Agent, Mount, RoadsideUnit, Spec
 from advercity_dsl.positioning import SatelliteReceiver
+from advercity_dsl.sampling import Sampled
 
 from advercity.conflicts.roles import find_conflict_roles
 from advercity.errors import RunError
@@ -33,7 +34,7 @@ from advercity.sensors.imu import ImuConditions, measure_imu
 from advercity.sensors.measurements import CanSample, GnssFix, ImuSample
 from advercity.sensors.radar import PlacedRadar
 from advercity.sensors.rolling_shutter import RollingCamera, compute_row_times
-from advercity.sensors.sample_times import list_sample_times
+from advercity.sensors.sample_times import SampleMoment, find_newest_sample, list_sample_times
 from advercity.sensors.sensor_frame import (
     CameraImage,
     LidarScan,
@@ -180,7 +181,8 @@ class AgentPoses:
     def previous_frame(self, frame: Frame) -> Frame:
         """Return the frame one tick earlier; before the first, motion is extrapolated."""
         if frame.index > 0:
-            return self._traced(frame.index - 1)
+            earlier, shift_s = self._traced(frame.index - 1), self._find_shift_s(frame)
+            return earlier.advance(shift_s) if shift_s else earlier
         after = {state.actor.id: state.world_from_body for state in self._traced(1).states}
         return replace(
             frame, states=tuple(_extrapolate_back(state, after) for state in frame.states)
@@ -206,17 +208,23 @@ class AgentPoses:
         )
         return RollingCamera(end_s - start_s, upper, lower)
 
-    def world_from_thermals(self, agent: Agent, index: int) -> list[Matrix]:
-        """Return `world_from_camera` (4, 4) of each thermal camera of an agent."""
+    def find_sample(self, agent: Agent, name: str, sensor: Sampled, frame: int) -> SampleMoment:
+        """Find the newest sample, not after a frame, of a sensor of an agent by its name."""
+        key = *self._build_drive_key(agent), name
+        return find_newest_sample(sensor, self._trace.tick_s, frame, key=key)
+
+    def world_from_thermals(self, agent: Agent, frame: Frame) -> list[Matrix]:
+        """Return `world_from_camera` (4, 4) of each thermal camera of an agent in a frame."""
         mounts = [item.mount for item in agent.sensors.thermals]
-        return self._world_from_mounts(agent, mounts, index)
+        return self._world_from_mounts(agent, mounts, frame.index, self._find_shift_s(frame))
 
     def place_radars(self, agent: Agent, frame: Frame) -> list[PlacedRadar]:
         """Place the radars of an agent in a frame."""
         radars, motion = agent.sensors.radars, self._find_motion(agent, frame)
         mounts = [item.mount for item in radars]
-        world_from_radars = self._world_from_mounts(agent, mounts, frame.index)
-        carrier = self.world_from_agent(agent, frame.index)
+        shift_s = self._find_shift_s(frame)
+        world_from_radars = self._world_from_mounts(agent, mounts, frame.index, shift_s)
+        carrier = motion.advance_pose(self.world_from_agent(agent, frame.index), shift_s)
         turn = carrier[:3, :3] @ motion.angular_rate
         return [
             PlacedRadar(
@@ -228,6 +236,10 @@ class AgentPoses:
             )
             for item, pose in zip(radars, world_from_radars, strict=True)
         ]
+
+    def _find_shift_s(self, frame: Frame) -> float:
+        """Find by how much a frame was advanced since it was recorded."""
+        return frame.time_s - self._traced(frame.index).time_s
 
     def _world_from_mounts(
         self, agent: Agent, mounts: Sequence[Mount], index: int, time_s: float = 0.0

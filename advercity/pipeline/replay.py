@@ -55,7 +55,7 @@ def load_sensor_frames(
             scans=tuple(_load_scans(stored[agent.id], poses.world_from_lidars(agent, frame))),
             radar_scans=tuple(_load_radars(stored[agent.id], poses.place_radars(agent, frame))),
             thermal_images=tuple(
-                _load_thermals(stored[agent.id], poses.world_from_thermals(agent, index))
+                _load_thermals(stored[agent.id], poses.world_from_thermals(agent, frame))
             ),
             fix=_load_fix(stored[agent.id]),
         )
@@ -108,9 +108,12 @@ def _load_lidar_hits(stored: AgentView) -> dict[int, int]:
 
 def _load_scans(stored: AgentView, world_from_lidars: Sequence[Matrix]) -> Iterator[LidarScan]:
     """Load point clouds; the first has the hits of all LiDARs, which are stored as sums."""
+    stamps = stored.stamps
     for lidar, world_from_lidar in enumerate(world_from_lidars):
         hits = {} if lidar else _load_lidar_hits(stored)
-        yield LidarScan(world_from_lidar, _load_point_cloud(stored, lidar), hits)
+        time_s = stamps.get(f"lidar{lidar}")
+        pose = world_from_lidar if time_s is None else stored.load_lidar_pose(lidar)
+        yield LidarScan(pose, _load_point_cloud(stored, lidar), hits, time_s)
 
 
 def _load_point_cloud(stored: AgentView, lidar: int) -> PointCloud:
@@ -139,12 +142,15 @@ def _load_point_cloud(stored: AgentView, lidar: int) -> PointCloud:
 
 def _load_radars(stored: AgentView, radars: Sequence[PlacedRadar]) -> Iterator[RadarScan]:
     """Load the detections of radars, and their cubes if they report them."""
+    stamps = stored.stamps
     for number, placed in enumerate(radars):
         has_cube = placed.radar.output == "cube"
+        time_s = stamps.get(f"radar{number}")
         yield RadarScan(
-            placed.world_from_radar,
+            placed.world_from_radar if time_s is None else stored.load_radar_pose(number),
             parse_detections(stored.load_radar(number)),
             stored.load_radar_cube(number) if has_cube else None,
+            time_s,
         )
 
 
@@ -152,14 +158,16 @@ def _load_thermals(
     stored: AgentView, world_from_cameras: Sequence[Matrix]
 ) -> Iterator[ThermalImage]:
     """Load thermal images; labels and boxes are not shown, and not in every layout."""
+    stamps = stored.stamps
     for camera, world_from_camera in enumerate(world_from_cameras):
-        counts = stored.thermal_counts(camera)
+        counts, time_s = stored.thermal_counts(camera), stamps.get(f"thermal{camera}")
         yield ThermalImage(
-            world_from_camera,
+            world_from_camera if time_s is None else stored.load_thermal_pose(camera),
             counts,
             semantic=np.zeros(counts.shape, np.uint8),
             instance=np.zeros(counts.shape, np.int32),
             projected_boxes={},
+            time_s=time_s,
         )
 
 

@@ -8,6 +8,7 @@ from itertools import chain
 
 import numpy as np
 from advercity_dsl import Agent, RoadsideUnit, Spec, ThermalCamera
+from advercity_dsl.sampling import Sampled
 from numpy.typing import NDArray
 
 from advercity.assets.body_pose import build_pose_box_fitter
@@ -245,13 +246,24 @@ class SensorRig:
 
     def _measure_scans(self, agent: Agent, frame: Frame) -> Iterator[LidarScan]:
         for index, lidar in enumerate(agent.sensors.lidars):
-            hits = self._cast_scan(agent, index, frame)
+            sampled = self._find_sampled_frame(agent, f"lidar{index}", lidar, frame)
+            hits = self._cast_scan(agent, index, sampled)
             # The first LiDAR's key has no number, as in datasets of carriers with one.
-            rng = self._poses.make_generator("lidar", agent, frame, *([index] if index else []))
+            rng = self._poses.make_generator("lidar", agent, sampled, *([index] if index else []))
             cloud = measure_point_cloud(
-                lidar, hits, self._conditions.lidar, rng, states=frame.states
+                lidar, hits, self._conditions.lidar, rng, states=sampled.states
             )
-            yield LidarScan(hits.world_from_lidar, cloud, count_lidar_hits(hits, lidar))
+            counted = count_lidar_hits(hits, lidar)
+            yield LidarScan(hits.world_from_lidar, cloud, counted, _find_stamp(lidar, sampled))
+
+    def _find_sampled_frame(self, agent: Agent, name: str, sensor: Sampled, frame: Frame) -> Frame:
+        """Find the moment of a sensor's newest sample: mostly the frame itself."""
+        if sensor.rate_hz is None:
+            return frame
+        moment = self._poses.find_sample(agent, name, sensor, frame.index)
+        if moment.frame != frame.index:
+            frame = self._fit_boxes(self._poses.load_frame(moment.frame))
+        return frame.advance(moment.shift_s) if moment.shift_s else frame
 
     def _cast_scan(self, agent: Agent, index: int, frame: Frame) -> ScanHits:
         lidar = agent.sensors.lidars[index]
@@ -273,33 +285,42 @@ class SensorRig:
     ) -> Iterator[RadarScan]:
         """Measure with the radars of an agent; all others of the scene disturb them."""
         for index, placed in enumerate(radars[agent.id]):
-            self._raycaster.place(motion.frame, hide=_carrier_ids(agent))
+            sampled = self._find_sampled_frame(agent, f"radar{index}", placed.radar, motion.frame)
+            self._raycaster.place(sampled, hide=_carrier_ids(agent))
             others = [other for one in radars.values() for other in one if other is not placed]
-            rng = self._poses.make_generator("radar", agent, motion.frame, index)
+            rng = self._poses.make_generator("radar", agent, sampled, index)
             air = self._conditions.radar
-            found = scan_radar(placed, others, self._raycaster, motion, air, rng)
-            yield RadarScan(placed.world_from_radar, found.detections, found.cube)
+            if sampled is not motion.frame:
+                placed = self._poses.place_radars(agent, sampled)[index]
+                moved = SceneMotion(sampled, self._world.bodies)
+            else:
+                moved = motion
+            found = scan_radar(placed, others, self._raycaster, moved, air, rng)
+            stamp_s = _find_stamp(placed.radar, sampled)
+            yield RadarScan(placed.world_from_radar, found.detections, found.cube, stamp_s)
 
     def _take_thermal_images(self, agent: Agent, frame: Frame) -> Iterator[ThermalImage]:
         """Take the images of the thermal cameras of an agent."""
         seed = self._spec.seeds.sensors
-        places = self._poses.world_from_thermals(agent, frame.index)
-        for number, (mounted, pose) in enumerate(zip(agent.sensors.thermals, places, strict=True)):
+        for number, mounted in enumerate(agent.sensors.thermals):
             camera, hide = mounted.camera, _carrier_ids(agent)
+            sampled = self._find_sampled_frame(agent, f"thermal{number}", camera, frame)
+            pose = self._poses.world_from_thermals(agent, sampled)[number]
             conditions = self._conditions_by_frame.thermal_at(frame.index)
             model = build_thermal_model(camera, self._profile)
-            view = cast_thermal(model, pose, frame, self._raycaster, conditions, hide=hide)
+            view = cast_thermal(model, pose, sampled, self._raycaster, conditions, hide=hide)
             counts = take_thermal_image(
                 camera,
                 view,
                 conditions,
-                frame.states,
-                self._poses.make_generator("thermal", agent, frame, number),
+                sampled.states,
+                self._poses.make_generator("thermal", agent, sampled, number),
                 seed=seed,
                 name=f"{agent.id} {number}",
             )
-            boxes = project_boxes(view.instance, pose, model, frame, self._hull_points, hide=hide)
-            yield ThermalImage(pose, counts, view.semantic, view.instance, boxes)
+            boxes = project_boxes(view.instance, pose, model, sampled, self._hull_points, hide=hide)
+            stamp_s = _find_stamp(camera, sampled)
+            yield ThermalImage(pose, counts, view.semantic, view.instance, boxes, stamp_s)
 
     def _capture_images(
         self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]
@@ -376,6 +397,11 @@ class SensorRig:
             light_sources=self._light_sources,
             lens_map=build_lens_map(build_camera_model(agent, camera, self._profile)),
         )
+
+
+def _find_stamp(sensor: Sampled, sampled: Frame) -> float | None:
+    """Find the time of a sample; None of a sensor that samples with every frame."""
+    return None if sensor.rate_hz is None else sampled.time_s
 
 
 def build_camera_model(agent: Agent, number: int, profile: RenderProfile) -> CameraModel:

@@ -59,6 +59,34 @@ def list_sample_times(
     return SampleTimes(begin + number_from_zero, fractions[inside], step_s)
 
 
+@dataclass(frozen=True)
+class SampleMoment:
+    """When a sensor measured.
+
+    Attributes:
+        frame: Number of the frame at or after it.
+        shift_s: Time from that frame, 0 or negative, less than a tick.
+    """
+
+    frame: int
+    shift_s: float
+
+
+def find_newest_sample(
+    sensor: Sampled, tick_s: float, frame: int, *, key: tuple[int | str, ...]
+) -> SampleMoment:
+    """Find the newest sample of a sensor that is not after a frame.
+
+    Before the first frame there is nothing to measure: a sensor without a sample until a frame has
+    measured at the first.
+    """
+    for number in range(frame, -1, -1):
+        fractions = list_sample_times(sensor, tick_s, number, key=key).fractions
+        if len(fractions):
+            return SampleMoment(number, round((float(fractions[-1]) - 1.0) * tick_s, 9))
+    return SampleMoment(0, 0.0)
+
+
 def _draw_jitter(
     sensor: Sampled, step_s: float, numbers: NDArray[np.int64], key: tuple[int | str, ...]
 ) -> Float64Array:

@@ -100,11 +100,13 @@ class LidarScan:
         world_from_lidar: (4, 4) at the frame's instant.
         point_cloud: Points in the LiDAR's frame.
         hits: Number of beams of the noise-free LiDAR that hit an actor, by actor id.
+        time_s: When it was measured, as `Frame.time_s`, by a sensor with a rate of its own.
     """
 
     world_from_lidar: Matrix
     point_cloud: PointCloud
     hits: Mapping[int, int]
+    time_s: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +119,7 @@ class ThermalImage:
         semantic: (h, w) uint8 of `Semantic`.
         instance: (h, w) int32 id of the actor; 0 for everything static.
         projected_boxes: Actors in the image, by their ids.
+        time_s: When it was taken, as of a `LidarScan`.
     """
 
     world_from_camera: Matrix
@@ -124,6 +127,7 @@ class ThermalImage:
     semantic: NDArray[np.uint8]
     instance: NDArray[np.int32]
     projected_boxes: Mapping[int, ProjectedBox]
+    time_s: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,11 +138,13 @@ class RadarScan:
         world_from_radar: (4, 4) at the frame's instant.
         detections: Detections in the radar's frame.
         cube: Powers of all cells; None if the radar reports detections only.
+        time_s: When it was measured, as of a `LidarScan`.
     """
 
     world_from_radar: Matrix
     detections: RadarDetections
     cube: RadarCube | None = None
+    time_s: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +193,21 @@ class SensorFrame:
         if self.agent.place.kind == "roadside_unit":
             return 0.0
         return self.frame.get_state(self.agent.number).speed_m_s
+
+    @property
+    def stamps(self) -> dict[str, float]:
+        """When sensors with rates of their own measured, as `Frame.time_s`, by name."""
+        kinds = {
+            "lidar": self.lidar_scans,
+            "radar": self.radar_scans,
+            "thermal": self.thermal_images,
+        }
+        return {
+            f"{kind}{index}": item.time_s
+            for kind, items in kinds.items()
+            for index, item in enumerate(items)
+            if item.time_s is not None
+        }
 
     @property
     def world_from_lidar(self) -> Matrix:

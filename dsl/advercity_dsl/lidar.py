@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from advercity_dsl.base import CompactModel, Declaration, Id, InvalidCombination, Items
 from advercity_dsl.mount import Elevation, Mount
+from advercity_dsl.sampling import Sampled
 from advercity_dsl.units import (
     Count,
     Decibels,
@@ -98,8 +99,8 @@ class PrismScan(CompactModel):
     """Revolutions of the second prism per minute."""
 
 
-class Lidar(CompactModel):
-    """A spinning LiDAR with ten scans a second, each starting straight ahead and turning left.
+class Lidar(Sampled):
+    """A spinning LiDAR with a scan for every frame, each starting straight ahead and turning left.
 
     The defaults are those of the original dataset: an ideal instrument that scans in an instant,
     but through the weather. With `prisms` it looks ahead instead of spinning.

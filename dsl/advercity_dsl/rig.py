@@ -291,11 +291,10 @@ class Camera(CompactModel):
         return find_edge_angle(self.lens, half_rad, corner_ratio)
 
 
-class Radar(CompactModel):
+class Radar(Sampled):
     """A 4-D imaging radar at 77 GHz: range, radial velocity, azimuth and elevation.
 
-    It measures ten times a second, at the tick of the other sensors. Cells are those that it
-    resolves.
+    Cells are those that it resolves. Without a rate it measures with every frame.
     """
 
     bandwidth_mhz: Annotated[Megahertz, Field(ge=50, le=4000)] = 375

@@ -4,12 +4,13 @@ from typing import Annotated
 
 from pydantic import Field
 
-from advercity_dsl.base import CompactModel, Items
+from advercity_dsl.base import Items
 from advercity_dsl.mount import Mount
+from advercity_dsl.sampling import Sampled
 from advercity_dsl.units import Count, Degrees, Millikelvins, Number
 
 
-class ThermalCamera(CompactModel):
+class ThermalCamera(Sampled):
     """An uncooled thermal camera, 8 to 14 um; defaults are those of a common one for cars."""
 
     width_px: Annotated[Count, Field(ge=16, le=2048)] = 640

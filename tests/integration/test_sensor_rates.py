@@ -1,0 +1,141 @@
+"""LiDARs, radars and thermal cameras with rates of their own, from the declaration to readers."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from advercity_dsl import Spec
+
+from advercity.compiler.crossing import compile_library
+from advercity.dataset.reader import Scenario
+from advercity.dataset.verification import verify_dataset
+from advercity.errors import InputError
+from advercity.pipeline import RunOptions, run_scenario
+from advercity.pipeline.replay import write_recording
+from advercity.testing import hash_tree
+from tests.builders import write_small_library
+
+pytestmark = pytest.mark.sumo
+
+RIG = """
+kind: rig
+id: rated
+vehicle:
+  camera: {width_px: 16, height_px: 16, mounts: [{z_m: 2}]}
+  lidar: {mount: {z_m: 3}, channels: 4, azimuths: 64, range_m: 50, {lidar}}
+  more_lidars:
+    as_frames: {mount: {z_m: 3}, channels: 4, azimuths: 64, range_m: 50, rate_hz: 10}
+  radar: {rays: 2000, mounts: [{x_m: 2.5, z_m: 0.6}], rate_hz: 20, offset_ms: 30}
+  thermal: {width_px: 32, height_px: 24, mounts: [{x_m: 2.5, z_m: 0.6}], rate_hz: 5, jitter_ms: 5}
+"""
+SUITE = """
+kind: suite
+id: small
+rig: one_camera
+agents: {cav1: rated}
+catalogue: one_car
+looks: shaped
+"""
+
+
+def compile_with(folder: Path, lidar: str) -> Spec:
+    rig = RIG.replace("{lidar}", lidar)
+    (spec,) = compile_library(write_small_library(folder / "library", rated=rig, suite=SUITE))
+    return spec
+
+
+def make_options(root: Path) -> RunOptions:
+    return RunOptions(output=root, backend="fake", profile="preview", frames=slice(0, 5))
+
+
+@pytest.fixture(scope="module")
+def spec(tmp_path_factory: pytest.TempPathFactory) -> Spec:
+    return compile_with(tmp_path_factory.mktemp("rated"), "rate_hz: 5, offset_ms: 40")
+
+
+@pytest.fixture(scope="module")
+def dataset(spec: Spec, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("stamped")
+    run_scenario(spec, make_options(root))
+    return root / spec.id
+
+
+def test_stamps_say_when_the_newest_samples_were_taken(dataset: Path) -> None:
+    scenario = Scenario(dataset)
+    stamps = scenario.load_stamps("cav1")
+    frames = np.array([frame.time_s for frame in scenario])
+    np.testing.assert_array_equal(stamps["camera0"], frames)
+    # Five a second and 40 ms late, of frames at multiples of 0.1 s. There is none until the first.
+    lidar_ms = np.round((stamps["lidar0"] - frames) * 1000).tolist()
+    assert lidar_ms == [0, -60, -160, -60, -160]
+    np.testing.assert_allclose(stamps["lidar1"], frames)
+    # Twenty a second and 30 ms late: 20 ms before each frame, the one before that is not kept.
+    np.testing.assert_allclose(stamps["radar0"][1:], frames[1:] - 0.02)
+    late_s = frames - stamps["thermal0"]
+    assert late_s.min() >= 0
+    assert late_s.max() < 0.2 + 5 * 0.005
+    taken = np.unique(stamps["thermal0"][1:])
+    assert len(taken) > 1
+    np.testing.assert_allclose(taken, np.round(taken / 0.2) * 0.2, atol=5 * 0.005)
+
+
+def test_a_frame_without_a_new_scan_has_the_last_one(dataset: Path) -> None:
+    scenario = Scenario(dataset)
+    stamps = scenario.load_stamps("cav1")["lidar0"]
+    views = [frame["cav1"] for frame in scenario]
+    clouds = [view.path(".pcd").read_bytes() for view in views]
+    pairs = list(zip(range(4), range(1, 5), strict=True))
+    same = [clouds[a] == clouds[b] for a, b in pairs]
+    assert same == [stamps[a] == stamps[b] for a, b in pairs]
+    assert any(same)
+    poses = [view.world_from_lidar for view in views]
+    for row, view in enumerate(views):
+        # The pose is that of the sample: as far behind as the vehicle has come since.
+        behind = np.linalg.norm(view.world_from_agent[:2, 3] - poses[row][:2, 3])
+        late_s = scenario[row].time_s - stamps[row]
+        assert behind == pytest.approx(view.speed_m_s * late_s, abs=0.05)
+
+
+def test_the_nearest_scan_is_found_by_time(dataset: Path) -> None:
+    scenario = Scenario(dataset)
+    stamps = scenario.load_stamps("cav1")["lidar0"]
+    (found,) = scenario.find_nearest("cav1", "lidar0", stamps[-1] + 0.01)
+    assert stamps[found] == stamps[-1]
+    with pytest.raises(InputError, match="cav1 has no camera, LiDAR or radar of the name 'lidar7'"):
+        scenario.find_nearest("cav1", "lidar7", 0)
+
+
+def test_a_rate_of_the_frames_changes_no_scan(dataset: Path) -> None:
+    view = Scenario(dataset)[2]["cav1"]
+    assert view.stamps["lidar1"] == Scenario(dataset)[2].time_s
+    np.testing.assert_allclose(
+        view.load_lidar_pose(1)[:3, 3], view.world_from_agent[:3, 3] + [0, 0, 3], atol=0.01
+    )
+
+
+def test_sensors_without_rates_are_as_before_and_mention_no_stamps(
+    spec: Spec, dataset: Path, tmp_path: Path
+) -> None:
+    plain = compile_with(tmp_path, "rate_hz: 10")
+    run_scenario(plain, make_options(tmp_path))
+    rsu = {name: value for name, value in hash_tree(dataset).items() if name.startswith("-1/")}
+    again = hash_tree(tmp_path / plain.id)
+    assert rsu
+    assert all(again[name] == value for name, value in rsu.items())
+    assert "stamps" not in (dataset / "-1" / "000060.yaml").read_text()
+    assert "rate_hz" not in spec.agents[1].sensors.model_dump_json()
+
+
+def test_any_order_of_frames_gives_the_same_bytes(
+    dataset: Path, spec: Spec, tmp_path: Path
+) -> None:
+    for frames in (slice(3, 5), slice(0, 3)):
+        run_scenario(spec, replace(make_options(tmp_path), frames=frames))
+    first, again = (
+        {name: value for name, value in hash_tree(folder).items() if name.startswith("+101/")}
+        for folder in (dataset, tmp_path / spec.id)
+    )
+    assert first == again
+    assert verify_dataset(dataset.parent) == []
+    write_recording(dataset, tmp_path / "again.rrd")
