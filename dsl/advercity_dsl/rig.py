@@ -175,6 +175,11 @@ class Camera(CompactModel):
     highlights_ev: Annotated[Number, Field(ge=0, le=4)] = 4
     """Stops above pixel saturation that the sensor resolves and the tone curve compresses; 0 is a
     plain sensor, which clips."""
+    combined_exposures: Annotated[Count, Field(ge=1, le=4)] = Field(
+        default=1, exclude_if=lambda value: value == 1
+    )
+    """Exposures at once, as of split pixels, that share these stops evenly: each value has the
+    noise and the steps of the longest that it does not fill. 1 is a well as deep as all stops."""
     noise: Flag = True
     """Whether shot noise and read noise are simulated."""
     vignetting: Annotated[Number, Field(ge=0, le=8)] = 1
@@ -225,6 +230,16 @@ class Camera(CompactModel):
             place = "point_spread", "corner_mrad"
             message = f"is more than {MAX_SPREAD_PX:g} pixels of this camera"
             raise InvalidCombination(place, message, f"give at most {limit_mrad:.2g}")
+        return self
+
+    @model_validator(mode="after")
+    def _check_combined_exposures(self) -> Self:
+        if self.combined_exposures > 1 and self.highlights_ev == 0:
+            message, hint = (
+                "has no effect without highlights_ev",
+                "give the stops that they resolve",
+            )
+            raise InvalidCombination(("combined_exposures",), message, hint)
         return self
 
     @model_validator(mode="after")

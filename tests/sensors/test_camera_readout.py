@@ -91,3 +91,38 @@ def test_a_black_level_leaves_half_of_the_values_for_light() -> None:
     assert RawOutput(bits=8, black_level=127).full_value == 255
     with pytest.raises(ValidationError, match="more than half"):
         RawOutput(bits=8, black_level=128)
+
+
+@pytest.mark.parametrize(("exposures", "ratio"), [(2, 16.0), (3, 4.0)])
+def test_the_signal_to_noise_ratio_dips_where_a_shorter_exposure_takes_over(
+    exposures: int, ratio: float
+) -> None:
+    levels = np.array([0.1, 0.85, 0.95, 3.3, 3.9, 12.0, 14.0])
+    # The number of the exposure: switched at 0.9 of a full pixel.
+    number = np.clip(np.ceil(np.log(levels / 0.9) / np.log(ratio)), 0, exposures - 1)
+    electrons = 10_000 * levels / ratio**number
+    expected = electrons / np.sqrt(electrons + 9 + (10_000 / 4095) ** 2 / 12)
+    found: list[float] = []
+    for level in levels.tolist():
+        light = np.full((200, 300, 3), level * SATURATION) * WARM
+        exposed = expose(light, hdr=True, combined_exposures=exposures)
+        assert exposed.hdr is not None
+        values = exposed.hdr.astype(np.float64)
+        assert values.mean() == pytest.approx(4095 * level, rel=2e-3)
+        found.append(float(values.mean() / values.std()))
+    np.testing.assert_allclose(found, expected, rtol=0.01)
+    # Just above the switch, by the root of the ratio.
+    assert found[1] / found[2] == pytest.approx(np.sqrt(ratio), rel=0.1)
+
+
+def test_exposures_without_noise_differ_from_one_by_their_steps() -> None:
+    one, three = (expose(ramp(8.0), hdr=True, noise=False, combined_exposures=n) for n in (1, 3))
+    assert one.hdr is not None and three.hdr is not None
+    difference = np.abs(one.hdr.astype(int) - three.hdr)
+    assert difference.max() == 8
+    assert (difference[one.hdr < 0.9 * 4095] == 0).all()
+
+
+def test_exposures_need_highlights_to_resolve() -> None:
+    with pytest.raises(ValidationError, match="no effect without highlights_ev"):
+        Camera(mounts=(Mount(),), highlights_ev=0, combined_exposures=2)

@@ -57,6 +57,8 @@ _LUMINANCE_WEIGHTS_32 = LUMINANCE_WEIGHTS.astype(np.float32)
 DAY_WHITE_RANGE_K = (5500.0, 7500.0)
 NIGHT_WHITE_RANGE_K = (3500.0, 7500.0)
 """Ranges of white; scenes that are yellower or bluer stay so, as in dust and under a low sun."""
+SWITCH_FRACTION = 0.9
+"""Fraction of a full pixel from which the next shorter exposure is taken: noise fills none."""
 COLOUR_CHANNELS = "rgb"
 """Letters of the colours in names of filter patterns, by channel."""
 
@@ -94,6 +96,8 @@ class ExposureSettings:
     """Number of the sensor's pixels in one of the image."""
     highlights_ev: float = 0.0
     """Stops beyond saturation that the sensor's short exposures still resolve."""
+    combined_exposures: int = 1
+    """Number of its exposures, the long one included."""
 
     @property
     def saturation_cd_m2(self) -> float:
@@ -143,7 +147,12 @@ def expose_image(
     """
     pixels = light.shape[0] * light.shape[1]
     binned = max(1.0, camera.width_px * camera.height_px / pixels)
-    setting = replace(setting, binned_pixels=binned, highlights_ev=camera.highlights_ev)
+    setting = replace(
+        setting,
+        binned_pixels=binned,
+        highlights_ev=camera.highlights_ev,
+        combined_exposures=camera.combined_exposures,
+    )
     fill_fraction = light / (setting.saturation_cd_m2 * white_point).astype(np.float32)
     noise = rng if camera.noise else None
     digital = digitise(fill_fraction, setting, noise)
@@ -200,10 +209,15 @@ def digitise(
     """Convert fractions of a full pixel to values of 12 bits and highlights.
 
     Shot noise is the normal approximation to Poisson's law, read noise is normal; without a
-    generator there is none.
+    generator there is none. Of several exposures each value is of the longest that is not full, so
+    that the ratio of signal to noise falls where the next takes over.
     """
     full_dn = WHITE_DN * 2.0**setting.highlights_ev
     digital = np.clip(fill_fraction * np.float32(WHITE_DN), 0.0, full_dn)
+    if setting.combined_exposures > 1:
+        ratios = _find_exposure_ratios(digital, setting)
+        single = replace(setting, highlights_ev=0.0, combined_exposures=1)
+        return np.rint(ratios * digitise(fill_fraction / ratios, single, rng)).astype(np.uint16)
     if rng is not None:
         # Variances in squared converter values: gain times signal, and read noise.
         gain = WHITE_DN / setting.full_well_e
@@ -213,6 +227,17 @@ def digitise(
         digital += deviation
         np.clip(digital, 0.0, full_dn, out=digital)
     return np.rint(digital, out=digital).astype(np.uint16)
+
+
+def _find_exposure_ratios(
+    digital: NDArray[np.float32], setting: ExposureSettings
+) -> NDArray[np.float32]:
+    """Find how many times shorter than the long exposure each value's (h, w, 3) is."""
+    last = setting.combined_exposures - 1
+    between_ev = setting.highlights_ev / last
+    over = digital / np.float32(SWITCH_FRACTION * WHITE_DN)
+    count = np.ceil(np.log2(np.maximum(over, np.float32(1.0))) / np.float32(between_ev))
+    return np.exp2(np.float32(between_ev) * np.minimum(count, last)).astype(np.float32)
 
 
 def digitise_raw(
