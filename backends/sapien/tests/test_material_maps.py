@@ -55,9 +55,10 @@ def field(name: str, maps: MaterialMaps) -> World:
     return World("field", (mesh,), {}, lanes=(), network=Path("none"), material_maps=found)
 
 
-def sun_from_the_east() -> Atmosphere:
-    """Clear air under a black sky, with the sun at 45 degrees."""
-    direction = np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0)
+def sun_from_the_east(elevation_deg: float = 45.0) -> Atmosphere:
+    """Clear air under a black sky."""
+    elevation = np.radians(elevation_deg)
+    direction = np.array([np.cos(elevation), 0.0, np.sin(elevation)])
     black = np.full((6, 32, 32, 3), 1e-3, dtype=np.float32)
     return build_clear_air(sun_direction=direction, sun_lx=80_000.0, sky_lx=1e-3, sky=black)
 
@@ -113,6 +114,17 @@ def test_relief_turns_a_surface_towards_the_sun(renderer: Renderer) -> None:
         for maps in (even, replace(even, normal=normal))
     )
     assert tilted / flat == pytest.approx(np.cos(np.radians(15)) / np.cos(np.radians(45)), rel=0.02)
+
+
+@every_renderer
+def test_relief_that_is_too_fine_to_be_seen_tilts_nothing(renderer: Renderer) -> None:
+    grazing = sun_from_the_east(elevation_deg=3.0)
+    bumpy = speckled()
+    even, seen_from_afar = (
+        seen(field("asphalt", maps), scattered(40.0, 2), renderer, grazing).mean()
+        for maps in (replace(bumpy, normal=None), bumpy)
+    )
+    assert seen_from_afar == pytest.approx(even, rel=0.05)
 
 
 @pytest.mark.parametrize("name", ["asphalt", "brick"])

@@ -28,7 +28,7 @@ MapSample sampleImages(MapLookup look) {
   vec2 uv = look.uv - 0.5 * float(look.taps - 1) * look.stride;
   for (int i = 0; i < look.taps; ++i) {
     sum.tone += textureLod(mapTone, uv, look.lod);
-    if (look.hasRelief) sum.slope += textureLod(mapRelief, uv, look.lod).xy * 2.0 - 1.0;
+    if (look.hasRelief) sum.slope += textureLod(mapRelief, uv, look.lod).xy;
     uv += look.stride;
   }
   return MapSample(look.range * sum.tone / float(look.taps), sum.slope / float(look.taps));
