@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,10 +51,11 @@ def upload_images(maps: Mapping[str, MaterialMaps], names: Sequence[str]) -> Dev
     words: list[NDArray[np.uint32]] = []
     firsts = [0]
     for name in names:
-        levels = [_pack(*level) for level in _iterate_levels(maps[name])]
+        own = maps[name]  # is read from a file
+        levels = _build_levels(own)
         height, width = levels[0].shape[:2]
         # Roughness is a byte of its own scale, colours are of light.
-        factors = _compute_factors(maps[name])
+        factors = _compute_factors(own)
         headers.append([float(width), float(height), float(len(levels)), 0.0, *factors])
         words += [level.reshape(-1) for level in levels]
         firsts.append(firsts[-1] + sum(level.shape[0] * level.shape[1] for level in levels))
@@ -80,35 +82,36 @@ def _compute_factors(maps: MaterialMaps) -> list[float]:
     return [*factors, 1.0 / max(rough, 1e-6)]
 
 
-def _iterate_levels(maps: MaterialMaps) -> list[tuple[Float32Array, Float32Array, Float32Array]]:
-    """Halve an image until one side is a texel: linear colour, roughness, x and y of the normal."""
-    color = LINEAR_FROM_SRGB.astype(np.float32)[maps.color[..., :3]]
-    size = color.shape[:2]
-    rough = np.full((*size, 1), 255.0, np.float32)
+def _build_levels(maps: MaterialMaps) -> list[NDArray[np.uint32]]:
+    """Pack an image and its halves, down to one whose shorter side is a texel."""
+    size = maps.color.shape[:2]
+    tone = np.full((*size, 4), 255, np.uint8)
+    tone[..., :3] = maps.color[..., :3]
     if maps.roughness is not None:
-        rough = maps.roughness[..., None].astype(np.float32)
+        tone[..., 3] = maps.roughness
     relief = np.full((*size, 2), _NEUTRAL, np.float32)
     if maps.normal is not None:
-        relief = maps.normal[..., :2].astype(np.float32)
-    levels = [(color, rough, relief)]
-    while min(levels[-1][0].shape[:2]) > 1:
-        color, rough, relief = levels[-1]
-        levels.append((_halve(color), _halve(rough), _halve(relief)))
+        relief[...] = maps.normal[..., :2]
+    levels = [_pack(tone, relief)]
+    light = np.dstack([LINEAR_FROM_SRGB.astype(np.float32)[tone[..., :3]], tone[..., 3:]])
+    while min(light.shape[:2]) > 1:
+        light, relief = _halve(light), _halve(relief)
+        # Colours are averaged as light, the rest as it is.
+        bytes_ = np.searchsorted(_SRGB_STEPS, light[..., :3])
+        levels.append(_pack(np.dstack([bytes_, np.round(light[..., 3:])]), relief))
     return levels
 
 
 def _halve(image: Float32Array) -> Float32Array:
-    height, width, channels = image.shape
-    return image.reshape(height // 2, 2, width // 2, 2, channels).mean(axis=(1, 3))
+    size = image.shape[1] // 2, image.shape[0] // 2
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32, copy=False)
 
 
-def _pack(color: Float32Array, roughness: Float32Array, relief: Float32Array) -> NDArray[np.uint32]:
-    """Pack a level to its words (h, w, 2)."""
-    bytes_ = np.searchsorted(_SRGB_STEPS, color).astype(np.uint32)
-    rough = np.round(roughness[..., 0]).astype(np.uint32)
-    slope = np.round(2.0 * relief).astype(np.uint32)
-    tone = bytes_[..., 0] | bytes_[..., 1] << 8 | bytes_[..., 2] << 16 | rough << 24
-    return np.stack([tone, slope[..., 0] | slope[..., 1] << 16], axis=-1).astype(np.uint32)
+def _pack(tone: NDArray[Any], relief: Float32Array) -> NDArray[np.uint32]:
+    """Pack colour and roughness (h, w, 4) in bytes, and a relief, to words (h, w, 2)."""
+    bytes_ = np.ascontiguousarray(tone, np.uint8).view("<u4")
+    slope = np.ascontiguousarray(np.round(2.0 * relief), "<u2").view("<u4")
+    return np.concatenate([bytes_, slope], axis=-1)
 
 
 @dataclass

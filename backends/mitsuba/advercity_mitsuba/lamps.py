@@ -1,7 +1,7 @@
 """Lamps of a frame on the device: their patterns, and which of them matter where.
 
-A surface draws a few lamps by their estimated illuminance in its cell of the ground, and one of
-those by the illuminance of the point itself (resampled importance sampling, Talbot et al. 2005),
+A surface draws a few lamps by their light at points of its cell of the ground, and one of those by
+the illuminance of the point itself (resampled importance sampling, Talbot et al. 2005),
 so that hundreds of lamps cost no more than a few. Every lamp has a chance everywhere.
 """
 
@@ -25,13 +25,16 @@ from advercity.physics.lamp_beams import (
 )
 from advercity.physics.scattering import DropletPhaseLobes
 from advercity.rendering.backend import CameraView
+from advercity.rendering.light_sources import LAMP_HEIGHT_M
 from advercity_mitsuba.light import KILO, Light
 from advercity_mitsuba.variant import dr, mi
 
 LAMP_COLUMNS = 12
 """Numbers of a lamp: position and pattern, facing and squared size, peak in kcd and 0."""
-GRID_CELLS, GRID_MARGIN_M = 32, 60.0
+GRID_CELLS, GRID_MARGIN_M = 64, 60.0
 """Cells along each edge of the ground that has lamps, and how far it extends beyond them."""
+POINTS_PER_EDGE, POINT_HEIGHTS_M = 2, (0.1, 1.5)
+"""Points along each edge of a cell, and their heights, of which lamps have their chances."""
 CANDIDATES = 4
 """Lamps that a surface draws before it takes one."""
 FOG_BEAM_LENGTH_M, LEAST_GLOW_CHANCE = 40.0, 1e-3
@@ -73,7 +76,7 @@ class LampTables:
 class LampSet:
     """The lamps of a frame."""
 
-    def __init__(self, lamps: Sequence[LightSource], atmosphere: Atmosphere) -> None:
+    def __init__(self, lamps: Sequence[LightSource], atmosphere: Atmosphere, light: Light) -> None:
         self._position = np.array([lamp.position for lamp in lamps]).reshape(-1, 3)
         self._facing = np.array([lamp.facing for lamp in lamps]).reshape(-1, 3)
         self._pattern = np.array([lamp.pattern for lamp in lamps], dtype=int)
@@ -84,56 +87,26 @@ class LampSet:
         peak = colour * self._intensity_cd[:, None] * KILO
         zero = np.zeros(len(lamps))
         rows = np.column_stack([self._position, self._pattern, self._facing, size, peak, zero])
-        grid, lux = self._estimate_cells()
         stride = 1 << len(lamps).bit_length()
-        self.tables = LampTables(
-            stride,
-            mi.Float(rows.astype(np.float32).ravel()),
-            mi.Float(_accumulate(lux, stride).ravel()),
-            mi.Vector4f(*grid),
-        )
-        tables = self.tables
-        dr.make_opaque(tables.lamps, tables.cells, tables.grid)
+        first, per_m = self._compute_grid()
+        device_rows = mi.Float(rows.astype(np.float32).ravel())
+        grid = mi.Vector4f(*map(float, (*first, *per_m)))
+        dr.make_opaque(device_rows, grid)
+        points = _list_cell_points(first, per_m)
+        chances = _compute_chances(light, device_rows, len(lamps), points)
+        off_grid = self._intensity_cd / self._intensity_cd.sum()
+        cells = mi.Float(_accumulate(np.vstack([chances, off_grid]), stride).ravel())
+        dr.make_opaque(cells)
+        self.tables = LampTables(stride, device_rows, cells, grid)
 
     def __len__(self) -> int:
         return len(self._pattern)
 
-    def _estimate_cells(self) -> tuple[list[float], FloatArray]:
-        """Compute the grid, and the light (cells + 1, lamps) of each lamp in each cell."""
+    def _compute_grid(self) -> tuple[FloatArray, FloatArray]:
+        """Compute the south-western corner (2,) of the cells, and cells per metre (2,)."""
         low = self._position[:, :2].min(axis=0) - GRID_MARGIN_M
         size = self._position[:, :2].max(axis=0) + GRID_MARGIN_M - low
-        per_m = GRID_CELLS / size
-        middle = np.arange(GRID_CELLS) + 0.5
-        x, y = np.meshgrid(low[0] + middle / per_m[0], low[1] + middle / per_m[1])
-        lux = self._estimate_lux(np.stack([x, y], axis=-1).reshape(-1, 2), np.hypot(*(0.5 / per_m)))
-        lux = np.vstack([lux, self._intensity_cd])
-        return [*map(float, low), *map(float, per_m)], lux
-
-    def _estimate_lux(self, points: FloatArray, radius_m: float) -> FloatArray:
-        """Estimate the illuminance (n, lamps) around points (n, 2) of the ground."""
-        away = points[:, None] - self._position[None, :, :2]
-        distance = np.hypot(away[..., 0], away[..., 1])
-        nearest = np.maximum(distance - radius_m, 0.0)
-        cosine = (away * self._facing[:, :2]).sum(axis=-1) / np.maximum(distance, 1e-3)
-        off_axis = np.arccos(np.clip(cosine, -1.0, 1.0))
-        cell = np.arcsin(radius_m / np.maximum(distance, radius_m))
-        off_axis = np.where(distance < radius_m, 0.0, np.maximum(off_axis - cell, 0.0))
-        sigma = np.radians(LOW_BEAM.horizontal_sigma_deg)
-        is_beam = np.isin(self._pattern, list(BEAMS))
-        falloff = 1.0 / (nearest**2 + STREET_LAMP_HEIGHT_M)
-        fraction = np.select(
-            [self._pattern == LampPattern.STREET, is_beam],
-            [
-                STREET_LAMP_HEIGHT_M / np.hypot(nearest, STREET_LAMP_HEIGHT_M),
-                np.where(off_axis < np.pi / 2, np.exp(-0.5 * (off_axis / sigma) ** 2), 0.0),
-            ],
-            LENS.relative_intensity(np.cos(off_axis)),
-        )
-        lux = self._intensity_cd * falloff * fraction
-        floor = self._intensity_cd * falloff
-        return lux + FLOOR_FRACTION * floor * lux.sum(axis=1, keepdims=True) / np.maximum(
-            floor.sum(axis=1, keepdims=True), 1e-12
-        )
+        return low, GRID_CELLS / size
 
     def build_glow_chances(self, view: CameraView) -> Any:
         """Build the cumulative chances of lamps by their glow in the air of an image."""
@@ -149,6 +122,44 @@ class LampSet:
         chances = mi.Float(_accumulate(glow[None], self.tables.stride).ravel())
         dr.make_opaque(chances)
         return chances
+
+
+def _list_cell_points(first: FloatArray, per_m: FloatArray) -> FloatArray:
+    """List points (cells, points of each, 3) at even distances: x, y and height above ground."""
+    edge = np.arange(GRID_CELLS * POINTS_PER_EDGE)
+    cell, within = edge // POINTS_PER_EDGE, (edge % POINTS_PER_EDGE + 0.5) / POINTS_PER_EDGE
+    x, y = (first[axis] + (cell + within) / per_m[axis] for axis in (0, 1))
+    grid = np.stack(np.meshgrid(x, y, POINT_HEIGHTS_M), axis=-1)
+    by_cell = grid.reshape(GRID_CELLS, POINTS_PER_EDGE, GRID_CELLS, -1, 3).swapaxes(1, 2)
+    return by_cell.reshape(GRID_CELLS**2, -1, 3)
+
+
+def _compute_chances(
+    light: Light, device_rows: Any, lamp_count: int, points: FloatArray
+) -> FloatArray:
+    """Compute the chance of each lamp in each cell (cells, lamps).
+
+    It is the mean, over the points of the cell, of the fraction that the lamp has of their light:
+    nowhere in a cell is a lamp rare that matters there.
+    """
+    count = dr.opaque(mi.UInt32, lamp_count)
+    number = dr.arange(mi.UInt32, points.size // 3 * lamp_count)
+    place = mi.Float(points.astype(np.float32).ravel())
+    dr.make_opaque(place)
+    point = dr.gather(mi.Point3f, place, number // count)
+    lamp = fetch_lamp(device_rows, number % count)
+    # The ground under a lamp is taken for that under the point.
+    is_street = lamp.pattern == int(LampPattern.STREET)
+    point.z += lamp.position.z - dr.select(is_street, mi.Float(STREET_LAMP_HEIGHT_M), LAMP_HEIGHT_M)
+    lux, _, distance = compute_illuminance(light, lamp, point)
+    near = mi.luminance(lamp.peak) / (distance * distance + lamp.size_m2)
+    size = *points.shape[:2], lamp_count
+    lit, anyhow = (np.array(one).reshape(size) for one in (mi.luminance(lux), near))
+    fraction, floor = (
+        (one / np.maximum(one.sum(axis=2, keepdims=True), 1e-20)).mean(axis=1)
+        for one in (lit, anyhow)
+    )
+    return fraction + FLOOR_FRACTION * floor
 
 
 def _accumulate(weights: FloatArray, stride: int) -> Float32Array:
@@ -170,9 +181,9 @@ class Lamp:
     peak: Any
 
 
-def fetch_lamp(tables: LampTables, row: Any, active: Any = True) -> Lamp:
-    """Fetch lamps by their rows."""
-    a, b, c = (dr.gather(mi.Vector4f, tables.lamps, 3 * row + n, active) for n in range(3))
+def fetch_lamp(lamps: Any, row: Any, active: Any = True) -> Lamp:
+    """Fetch lamps from the table by their rows."""
+    a, b, c = (dr.gather(mi.Vector4f, lamps, 3 * row + n, active) for n in range(3))
     return Lamp(
         mi.Point3f(a.x, a.y, a.z),
         mi.UInt32(a.w),
@@ -287,7 +298,9 @@ def choose_lamp(
     def draw(i: Any, random: Any, chosen: Any, given: Any, total: Any) -> tuple[Any, ...]:
         number = random.next_float32()
         row, chance = _draw_row(tables.cells, first, tables.stride, number, active)
-        lux, direction, _ = compute_illuminance(light, fetch_lamp(tables, row, active), position)
+        lux, direction, _ = compute_illuminance(
+            light, fetch_lamp(tables.lamps, row, active), position
+        )
         cosine = dr.maximum(dr.dot(normal, direction), LEAST_COSINE)
         gives = mi.luminance(lux) * cosine
         weight = dr.select(chance > 0.0, gives / chance, 0.0)
@@ -337,7 +350,7 @@ def compute_glow(
         # Evenly spaced, so that the brightest are never left out.
         number = (mi.Float(i) + first) / GLOW_DRAWS
         row, chance = _draw_row(chances, mi.UInt32(0), tables.stride, number, mi.Bool(True))
-        lamp = fetch_lamp(tables, row)
+        lamp = fetch_lamp(tables.lamps, row)
         glow = _compute_lamp_glow(light, lamp, eye, ray, range_m, random.next_float32())
         glow *= dr.select(chance > 0.0, 1.0 / (GLOW_DRAWS * chance), 0.0)
         return i + 1, random, total + glow

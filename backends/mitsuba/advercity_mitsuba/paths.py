@@ -59,7 +59,7 @@ def _compute_lamplight(
     assert scene.lamps is not None
     row, weight, random = choose_lamp(scene.light, scene.lamps, position, s.normal, random, active)
     active = active & (weight > 0.0)
-    lamp = fetch_lamp(scene.lamps, row, active)
+    lamp = fetch_lamp(scene.lamps.lamps, row, active)
     lux, direction, distance = compute_illuminance(scene.light, lamp, position)
     reflected = evaluate(s, eye, direction) * lux * weight
     reached = distance - HOUSING_M

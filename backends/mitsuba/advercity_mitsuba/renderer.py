@@ -58,7 +58,7 @@ class MitsubaRenderer:
         self._frame_index = frame.index
         self._placed = self._placer.place(frame, night=atmosphere.night)
         lamps = list_light_sources(self._world, frame) if atmosphere.night else []
-        self._lamps = LampSet(lamps, atmosphere) if lamps else None
+        self._lamps = LampSet(lamps, atmosphere, self._light) if lamps else None
         self._weather = build_weather_tables(self._ground, atmosphere, frame.index)
 
     def render_camera(self, view: CameraView) -> CameraCapture:

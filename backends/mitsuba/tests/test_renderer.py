@@ -110,6 +110,24 @@ def test_lamps_are_as_bright_as_sapiens(backend: MitsubaBackend, extinction: flo
     assert brightness(found).mean() == pytest.approx(brightness(expected).mean(), rel=0.03)
 
 
+def test_a_lamp_among_bright_ones_that_face_away_makes_no_noise(backend: MitsubaBackend) -> None:
+    # The far lamp makes the cells large in which lamps are drawn.
+    world = build_world(lamps=(StreetLamp((6.0, 0.0, 6.0)), StreetLamp((800.0, 0.0, 6.0))))
+    away = [pose_matrix((-3.0 * n, 0.0, 0.0), yaw=math.pi) for n in range(1, 6)]
+    actors = build_frame(*[(0.0, 0.0, 0.0)] * len(away)).states
+    states = tuple(
+        replace(state, world_from_body=pose, lamps=Lamp.LOW_BEAM)
+        for state, pose in zip(actors, away, strict=True)
+    )
+    frame, night = Frame(0, 0.0, states, {}), build_clear_air(night=True)
+    few, many = (
+        render(backend, night, world=world, frame=frame, samples=samples) for samples in (4, 256)
+    )
+    lit = many.semantic == Semantic.ROAD
+    error = brightness(few)[lit] / brightness(many)[lit] - 1.0
+    assert np.median(np.abs(error)) < 0.1
+
+
 def test_a_painted_body_is_of_its_paint_alone(backend: MitsubaBackend) -> None:
     plain, painted = (
         replace(
