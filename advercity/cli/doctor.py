@@ -20,6 +20,7 @@ from advercity.rendering.backend import list_backend_names, load_backend
 from advercity.texture_packs import TEXTURE_PACKS
 
 _MISSING = " is not installed; the shipped specs need `advercity assets install`"
+_NO_MITSUBA = "is not installed; for `full` without a graphics card: `make setup MITSUBA=1`"
 CheckResult = tuple[str, bool, str]
 """Name of the check, whether it passed, and what was found."""
 
@@ -42,6 +43,8 @@ def _run_checks() -> Iterator[CheckResult]:
         yield "rendering", False, "no backend is installed; try: pip install advercity-sapien"
     for name in names:
         yield _run_check(f"backend {name}", lambda name=name: _check_backend(name))
+    if "mitsuba" not in names:
+        yield "backend mitsuba", True, _NO_MITSUBA
     for package in ("embreex", "rerun-sdk", "opencv-python-headless"):
         yield package, True, version(package)
     yield from _check_packages()

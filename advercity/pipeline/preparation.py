@@ -4,6 +4,7 @@ Networks, traces, worlds and bodies come from the cache where it has them; the f
 runs `netconvert`, simulates the traffic in SUMO (seconds to minutes) and builds the meshes.
 """
 
+import logging
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -44,6 +45,8 @@ from advercity.scene.world_storage import load_body, load_world, save_body, save
 from advercity.texture_packs import TEXTURE_PACKS
 from advercity.traffic.simulation import write_simulated_trace
 from advercity.world import World
+
+_logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -276,13 +279,23 @@ def resolve_backend(options: RunOptions) -> RunOptions:
     """Replace the backend `auto`: Mitsuba for `full` where only it traces rays fast, else SAPIEN.
 
     Without a graphics card SAPIEN takes minutes for a traced image, and Mitsuba, where it is
-    installed and has a compiler, seconds.
+    installed and has a compiler, seconds. Which of them it is is logged then.
     """
     if options.backend != AUTOMATIC_BACKEND:
         return options
-    is_slow = options.profile == "full" and not _traces_in_hardware("sapien")
-    name = "mitsuba" if is_slow and _is_usable("mitsuba") else "sapien"
-    return replace(options, backend=name)
+    if options.profile != "full" or _traces_in_hardware("sapien"):
+        return replace(options, backend="sapien")
+    try:
+        load_backend("mitsuba").capabilities()
+    except (BackendError, InputError) as error:
+        _logger.warning(
+            "backend sapien: no device here traces rays in hardware, so an image takes minutes;"
+            " with backend mitsuba it would take seconds (%s)",
+            error,
+        )
+        return replace(options, backend="sapien")
+    _logger.warning("backend mitsuba: no device here traces rays in hardware")
+    return replace(options, backend="mitsuba")
 
 
 def _traces_in_hardware(name: str) -> bool:
@@ -291,15 +304,6 @@ def _traces_in_hardware(name: str) -> bool:
     except (BackendError, InputError):
         return False
     return found.ray_traced and found.hardware
-
-
-def _is_usable(name: str) -> bool:
-    """Whether a backend is installed and finds what it needs on this machine."""
-    try:
-        load_backend(name).capabilities()
-    except (BackendError, InputError):
-        return False
-    return True
 
 
 def _describe_renderer(backend: Backend, profile: RenderProfile) -> RendererIdentity:

@@ -166,6 +166,8 @@ class Backend(Protocol):
 
 
 ENTRY_POINT_GROUP = "advercity.backends"
+OWN_BACKENDS = ("mitsuba", "sapien")
+"""Names of the backends of this project, which are extras of its distribution."""
 
 
 TEST_MODULE = "advercity.testing"
@@ -211,4 +213,5 @@ def _format_unknown_backend(name: str) -> str:
         return f"no backend '{name}'; did you mean '{close[0]}'?"
     if not installed:
         return f"no backend '{name}'; none is installed; try: pip install advercity-sapien"
-    return f"no backend '{name}'; installed: {', '.join(installed)}"
+    hint = f"; try: pip install advercity[{name}]" if name in OWN_BACKENDS else ""
+    return f"no backend '{name}'; installed: {', '.join(installed)}{hint}"

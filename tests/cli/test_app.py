@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
+from advercity.cli import doctor
 from advercity.cli.progress import show_progress
 from advercity.compiler import write_specs
 from advercity.dataset.partial_files import lock_file
@@ -325,3 +326,11 @@ def test_an_option_that_never_existed_is_an_unknown_option(advercity: Command) -
     assert ran.code == 2
     assert "is now" not in ran.err
     assert "--table" in ran.err
+
+
+def test_doctor_names_the_backend_that_is_missing(
+    advercity: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(doctor, "list_backend_names", lambda: [])
+    (line,) = [line for line in advercity("doctor").out.splitlines() if "backend mitsuba" in line]
+    assert "`make setup MITSUBA=1`" in line

@@ -450,23 +450,25 @@ def test_a_run_is_refused_at_once_while_another_one_still_simulates(
 
 
 @pytest.mark.parametrize(
-    ("profile", "has_gpu", "has_mitsuba", "chosen"),
+    ("profile", "has_gpu", "has_mitsuba", "chosen", "said"),
     [
-        ("full", False, True, "mitsuba"),
-        ("full", False, False, "sapien"),
-        ("full", True, True, "sapien"),
-        ("preview", False, True, "sapien"),
-        ("auto", False, True, "sapien"),
+        ("full", False, True, "mitsuba", "backend mitsuba: no device here traces rays"),
+        ("full", False, False, "sapien", "it would take seconds (no LLVM library)"),
+        ("full", True, True, "sapien", ""),
+        ("preview", False, True, "sapien", ""),
+        ("auto", False, True, "sapien", ""),
     ],
 )
-def test_auto_traces_with_mitsuba_where_no_gpu_does(
+def test_auto_traces_with_mitsuba_where_no_gpu_does_and_says_so(
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
     *,
     profile: str,
     has_gpu: bool,
     has_mitsuba: bool,
     chosen: str,
+    said: str,
 ) -> None:
     class Sapien(FakeBackend):
         def capabilities(self) -> Capabilities:
@@ -486,6 +488,8 @@ def test_auto_traces_with_mitsuba_where_no_gpu_does(
     monkeypatch.setattr(preparation, "load_backend", load)
     options = RunOptions(tmp_path, backend="auto", profile=profile)
     assert resolve_backend(options).backend == chosen
+    assert said in caplog.text
+    assert bool(caplog.text) == bool(said)
     assert resolve_backend(replace(options, backend="fake")).backend == "fake"
 
 
