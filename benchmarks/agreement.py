@@ -112,7 +112,7 @@ def measure_light(
 
 def main() -> None:
     """Measure both, and print tables in Markdown."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("specs", nargs="*", type=Path, default=SPECS, metavar="SPEC")
     parser.add_argument("--scale", type=float, default=0.1, help="of the authored image size")
     parser.add_argument("--samples", type=int, default=16, help="of SAPIEN's traced picture")

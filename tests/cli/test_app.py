@@ -331,6 +331,6 @@ def test_an_option_that_never_existed_is_an_unknown_option(advercity: Command) -
 def test_doctor_names_the_backend_that_is_missing(
     advercity: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(doctor, "list_backend_names", lambda: [])
+    monkeypatch.setattr(doctor, "list_backend_names", list[str])
     (line,) = [line for line in advercity("doctor").out.splitlines() if "backend mitsuba" in line]
     assert "`make setup MITSUBA=1`" in line

@@ -93,7 +93,8 @@ def _build_levels(maps: MaterialMaps) -> list[NDArray[np.uint32]]:
     if maps.normal is not None:
         relief[...] = maps.normal[..., :2]
     levels = [_pack(tone, relief)]
-    light = np.dstack([LINEAR_FROM_SRGB.astype(np.float32)[tone[..., :3]], tone[..., 3:]])
+    light = tone.astype(np.float32)
+    light[..., :3] = LINEAR_FROM_SRGB[tone[..., :3]]
     while min(light.shape[:2]) > 1:
         light, relief = _halve(light), _halve(relief)
         # Colours are averaged as light, the rest as it is.
