@@ -18,6 +18,7 @@ from advercity_dsl.lidar import Lidar, LidarModel
 from advercity_dsl.mount import Mount
 from advercity_dsl.rig import (
     Camera,
+    Dirt,
     Exposure,
     Gnss,
     PointSpread,
@@ -87,6 +88,7 @@ __all__ = [
     "Conflict",
     "Declaration",
     "Density",
+    "Dirt",
     "DriverResponse",
     "Drivers",
     "Exposure",

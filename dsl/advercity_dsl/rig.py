@@ -92,6 +92,15 @@ class PointSpread(CompactModel):
         return self
 
 
+class Dirt(CompactModel):
+    """Spots of dirt on the glass of a camera, which stay through all frames and weathers."""
+
+    coverage: Annotated[Fraction, Field(ge=0, le=0.9)] = 0.02
+    """Fraction of the glass that they cover."""
+    seed: Count = 0
+    """Seed of their places; each carrier and mount has its own for every seed."""
+
+
 class RawOutput(CompactModel):
     """Values of the sensor's pixels, each behind a filter of one colour."""
 
@@ -188,6 +197,8 @@ class Camera(CompactModel):
     """Brightness of lens ghosts relative to a coated lens; 0 is none."""
     point_spread: PointSpread | None = Field(default=None, exclude_if=is_none)
     """Blur by the lens; without it, images are sharp to the pixel."""
+    dirt: Dirt | None = Field(default=None, exclude_if=is_none)
+    """Dirt that stays on the glass, besides what the weather leaves there; without it, none."""
     shutter: Shutter | None = Field(default=None, exclude_if=is_none)
     """Rolling shutter and blur by motion; without it, images show one instant."""
     hdr: Flag = Field(default=False, exclude_if=is_empty)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from advercity_dsl import Camera, Mount, Weather
+from advercity_dsl import Camera, Dirt, Exposure, Mount, Weather
 from advercity_dsl.weather_components import Lens
 
 from advercity.compiler import find_weather
@@ -22,7 +22,7 @@ from advercity.physics.lamp_beams import (
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture, CameraView
 from advercity.rendering.light_sources import HIGH_BEAM_CD
-from advercity.sensors.camera import CameraExposure
+from advercity.sensors.camera import CameraConditions, CameraExposure, render_image
 from advercity.sensors.camera.electronics import find_white_point
 from advercity.sensors.camera.optics import (
     add_lens_ghosts,
@@ -32,6 +32,7 @@ from advercity.sensors.camera.optics import (
 )
 from advercity.sensors.camera.scene_light import AmbientLight
 from advercity.sensors.camera.spray_veil import add_spray
+from advercity.testing import make_capture, make_frame
 
 WIDTH, HEIGHT = 240, 135
 FOV_RAD = math.radians(100.0)
@@ -233,13 +234,13 @@ def test_covered_glass_hides_the_fraction_that_is_covered(kind: str) -> None:
     assert coverage == 0.3
     assert glass_coverage(lens, Mount(yaw_deg=180)) == 0.0
     found = [
-        apply_glass(light, shot(), lens, coverage, create_generator("test", key))
+        apply_glass(light, shot(), lens.kind, coverage, create_generator("test", key))
         for key in (1, 1, 2)
     ]
     np.testing.assert_array_equal(found[0], found[1])
     assert (found[0] != found[2]).any()
     even = np.full_like(light, 100.0)
-    covered = apply_glass(even, shot(), lens, coverage, create_generator("test"))
+    covered = apply_glass(even, shot(), lens.kind, coverage, create_generator("test"))
     # Water shows what is around it, which here is the same; dust and snow show themselves.
     spot = {"water": 100.0, "dust": 30.0, "snow": 90.0}[kind]
     expected = 100.0 - coverage * (100.0 - spot)
@@ -250,7 +251,42 @@ def test_a_clean_lens_leaves_the_picture_alone() -> None:
     light = np.ones((HEIGHT, WIDTH, 3), np.float32)
     lens = Lens.model_validate({"coverage": {"front": 0.3}})
     assert glass_coverage(lens, Mount()) == 0.0
-    assert apply_glass(light, shot(), lens, 0.0, create_generator("test")) is light
+    assert apply_glass(light, shot(), lens.kind, 0.0, create_generator("test")) is light
+
+
+def test_dirt_stays_in_its_place_through_weathers_and_frames() -> None:
+    """Grey light shows only it, where a linear image is darker than the same without."""
+    size = {"width_px": WIDTH, "height_px": HEIGHT, "mounts": (Mount(),), "noise": False}
+    view, even = shot().view, make_capture(WIDTH, HEIGHT, radiance_cd_m2=1000.0)
+
+    def find_dark(dirt: Dirt | None, weather: str, index: int = 0, carrier: str = "") -> Any:
+        """Find the light that is lost, relative to that of a clean camera."""
+        declared = find_weather(weather).declaration
+        air = compute_atmosphere(declared, "urban")
+        conditions = CameraConditions.build(air, declared.lens, weather)
+        taken: list[Any] = []
+        for one in (dirt, None):
+            manual = Exposure(mode="manual", shutter_s=0.001)
+            camera = Camera.model_validate(size | {"dirt": one, "hdr": True, "exposure": manual})
+            frame = make_frame(index=index, time_s=0.1 * index)
+            exposure = CameraExposure(view, camera, frame, np.zeros(3))
+            rng = create_generator("test", index)
+            found = render_image(
+                even, exposure, conditions, rng, mount=Mount(), carrier=carrier
+            ).hdr
+            assert found is not None
+            taken.append(found.astype(float)[..., 1])
+        return 1 - taken[0] / taken[1]
+
+    dirt = Dirt(coverage=0.1, seed=3)
+    dark = find_dark(dirt, "clear_day")
+    # A spot shows 0.3 of the mean light; the lens scatters a little of the rest over it.
+    assert dark.mean() == pytest.approx(0.1 * 0.7, rel=0.25)
+    assert dark.max() > 0.4
+    same = find_dark(dirt, "glare_day", index=9)
+    assert np.corrcoef(dark.ravel(), same.ravel())[0, 1] > 0.95
+    for other in (find_dark(Dirt(coverage=0.1), "clear_day"), find_dark(dirt, "clear_day", 0, "b")):
+        assert abs(np.corrcoef(dark.ravel(), other.ravel())[0, 1]) < 0.3
 
 
 def test_grey_stays_grey_while_the_sun_sets_and_lamps_go_on() -> None:

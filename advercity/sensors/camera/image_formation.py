@@ -169,9 +169,15 @@ def _light_on_sensor(
     # The order of the effects is that of the light on its path to the sensor.
     before_lens = add_air_effects(capture, exposure, conditions)
     lens = conditions.lens
-    key = (*conditions.key, "glass", carrier, *map(str, mount.model_dump().values()))
-    spots = create_generator(*key)
-    light = apply_glass(before_lens.radiance, exposure, lens, glass_coverage(lens, mount), spots)
+    place = carrier, *map(str, mount.model_dump().values())
+    spots = create_generator(*conditions.key, "glass", *place)
+    covered = glass_coverage(lens, mount)
+    light = apply_glass(before_lens.radiance, exposure, lens.kind, covered, spots)
+    dirt = exposure.camera.dirt
+    if dirt is not None:
+        # Of no weather, road or frame: it stays where it is.
+        spots = create_generator(dirt.seed, "dirt", *place)
+        light = apply_glass(light, exposure, "dust", dirt.coverage, spots)
     fov_rad = exposure.view.horizontal_fov_rad
     light = add_stray_light(light, horizontal_fov_rad=fov_rad, fraction=lens.stray_light)
     light = add_lens_ghosts(light, capture, exposure, conditions.atmosphere)

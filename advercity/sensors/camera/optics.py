@@ -70,11 +70,11 @@ def glass_coverage(lens: Lens, mount: Mount) -> float:
 def apply_glass(
     light: Float32Array,
     exposure: CameraExposure,
-    lens: Lens,
+    kind: str,
     coverage: float,
     rng: np.random.Generator,
 ) -> Float32Array:
-    """Cover a fraction of the glass in front of an image (h, w, 3) in cd/m².
+    """Cover a fraction of the glass in front of an image (h, w, 3) in cd/m² by spots of a kind.
 
     Their blur follows from focal length and aperture. The same state of `rng` gives the same
     spots; coverage 0 leaves the image unchanged.
@@ -82,7 +82,7 @@ def apply_glass(
     if coverage == 0.0:
         return light
     height, width = light.shape[:2]
-    middle, radius_px = _draw_spots(exposure, lens.kind, coverage, rng)
+    middle, radius_px = _draw_spots(exposure, kind, coverage, rng)
     mask = np.zeros((height, width), np.float32)
     shift = np.zeros((height, width, 2), np.float32)
     for at, radius in zip(middle, radius_px, strict=True):
@@ -90,14 +90,14 @@ def apply_glass(
     blur_px = max(exposure.aperture_m * exposure.focal_px / GLASS_DISTANCE_M, 1.0)
     mask = cv2.GaussianBlur(mask, (0, 0), blur_px / 4.0)[..., None]
     mean = light.mean(axis=(0, 1))
-    if lens.kind == "water":
+    if kind == "water":
         down, across = np.mgrid[:height, :width].astype(np.float32)
         blurred = cv2.GaussianBlur(light, (0, 0), blur_px)
         at = across + shift[..., 0], down + shift[..., 1]
         behind = cv2.remap(blurred, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101)
         spot = (behind + mean) / 2.0
     else:
-        spot = mean * (GLASS_DUST_ALBEDO if lens.kind == "dust" else SNOWFLAKE_ALBEDO)
+        spot = mean * (GLASS_DUST_ALBEDO if kind == "dust" else SNOWFLAKE_ALBEDO)
     return (light * (1.0 - mask) + spot * mask).astype(np.float32)
 
 
