@@ -22,6 +22,7 @@ import advercity
 from advercity.compiler import find_weather, with_weather
 from advercity.compiler.crossing import compile_library
 from advercity.dataset.agent_view import AgentView
+from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 from advercity.sensors.measurements import PointKind
 from advercity.viewer.cloud_colours import KIND_COLOURS
@@ -42,6 +43,13 @@ coloured by velocity (blue comes closer, red moves away; what is not moving come
 ego). Boxes are the annotated road users.
 
 Made by `python docs/make_sensor_pictures.py`.
+"""
+RIGS_NOTE = """\
+The same moment through the first camera, LiDAR, radar and [thermal camera](thermal.md) of the rigs
+that ship: three on the ego, `roadside` on a roadside unit. Grey: the rig has none. Clear air and
+rain are above, fog and snow below.
+
+Made by `python docs/make_rig_pictures.py`.
 """
 RANGES_NOTE = """\
 Ranges in metres up to which a target from behind is detected, alone on a level road: by the camera
@@ -70,6 +78,11 @@ def main() -> None:
 
 {NOTE}
 ![Camera, LiDAR and radar in four weathers](images/sensors_by_weather.jpg)
+
+## Through four rigs
+
+{RIGS_NOTE}
+![Four rigs in four weathers](images/rigs_by_weather.jpg)
 
 ## How far they see
 
@@ -100,36 +113,48 @@ def draw_lidar(view: AgentView) -> NDArray[np.uint8]:
     table = np.array([KIND_COLOURS[kind] for kind in PointKind], np.uint8)
     order = np.argsort(cloud["kind"] == PointKind.SURFACE, kind="stable")
     points = _stack_xyz(cloud)[order]
-    return _draw_from_above(view, view.world_from_lidar, points, table[cloud["kind"][order]], 0)
+    return _draw_view(view, view.world_from_lidar, points, table[cloud["kind"][order]], 0)
 
 
 def draw_radar(view: AgentView) -> NDArray[np.uint8]:
     """Draw the detections from above, coloured by velocity; those of the air by kind."""
     found = view.radar
     colours = colour_velocities(found["velocity"])
-    return _draw_from_above(view, view.load_radar_pose(0), _stack_xyz(found), colours, 2)
+    return _draw_view(view, view.load_radar_pose(0), _stack_xyz(found), colours, 2)
 
 
 def _stack_xyz(table: NDArray[np.void]) -> NDArray[np.float64]:
     return np.column_stack([table[name] for name in "xyz"]).astype(np.float64)
 
 
-def _draw_from_above(
+def _draw_view(
     view: AgentView,
     world_from_sensor: Matrix,
     points: NDArray[np.float64],
     colours: NDArray[np.uint8],
     radius_px: int,
 ) -> NDArray[np.uint8]:
-    """Draw points (n, 3) of a sensor and the boxes of road users; the agent looks up."""
+    agent_from_world = poses.invert_pose(view.world_from_agent)
+    boxes = list(zip(view.boxes.world_from_box, view.boxes.sizes, strict=True))
+    return draw_from_above(agent_from_world, boxes, world_from_sensor, points, colours, radius_px)
+
+
+def draw_from_above(
+    agent_from_world: Matrix,
+    boxes: Sequence[tuple[Matrix, NDArray[np.float64]]],
+    world_from_sensor: Matrix,
+    points: NDArray[np.float64],
+    colours: NDArray[np.uint8],
+    radius_px: int,
+) -> NDArray[np.uint8]:
+    """Draw points (n, 3) of a sensor and boxes of road users, poses and sizes; ahead is up."""
     picture = np.full((HEIGHT_PX, HEIGHT_PX, 3), 16, np.uint8)
-    agent_from_world = np.linalg.inv(view.world_from_agent)
     for place, colour in zip(
         _to_pixels(agent_from_world @ world_from_sensor, points), colours.tolist(), strict=True
     ):
         cv2.circle(picture, place, radius_px, colour, cv2.FILLED)
     corners = np.array([[1, 1, 0], [1, -1, 0], [-1, -1, 0], [-1, 1, 0]]) / 2
-    for world_from_box, size in zip(view.boxes.world_from_box, view.boxes.sizes, strict=True):
+    for world_from_box, size in boxes:
         outline = _to_pixels(agent_from_world @ world_from_box, corners * size)
         cv2.polylines(picture, [np.array(outline)], isClosed=True, color=BOX_COLOUR)
     return picture
