@@ -9,7 +9,7 @@ import pytest
 from advercity_dsl import Weather
 from numpy.typing import NDArray
 
-from advercity.compiler import find_weather
+from advercity.compiler import find_weather, list_weathers
 from advercity.physics import photometry, sky
 from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
 
@@ -56,9 +56,8 @@ def horizontal_lx(atmosphere: Atmosphere) -> float:
     return atmosphere.sun_lx * max(0.0, atmosphere.sun_direction[2]) + atmosphere.sky_lx
 
 
-def test_the_library_has_exactly_the_eleven_weathers(library: Path) -> None:
-    files = {path.stem for path in (library / "nhtsa" / "weather").glob("*.yaml")}
-    assert files == set(NAMES)
+def test_all_weathers_of_the_library_are_exactly_the_eleven(library: Path) -> None:
+    assert {entry.declaration.id for entry in list_weathers(library)} == set(NAMES)
     assert all(shipped(name).id == name for name in NAMES)
 
 
