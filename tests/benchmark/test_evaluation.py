@@ -316,7 +316,7 @@ def test_the_page_writes_predictions_that_score_1(
     two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = (Path(__file__).parents[2] / "docs" / "benchmark.md").read_text()
-    code, merging = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    code, merging, assigning = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     (tmp_path / "output").symlink_to(two_roads)
     monkeypatch.chdir(tmp_path)
     exec(code, {})
@@ -336,6 +336,25 @@ def test_the_page_writes_predictions_that_score_1(
     assert settings["preprocess"]["args"] == args
     lowest, highest = settings["preprocess"]["cav_lidar_range"][2::3]
     assert highest - lowest == settings["preprocess"]["args"]["voxel_size"][2]
+    (tmp_path / "splits").mkdir()
+    (tmp_path / "splits" / "train").symlink_to(two_roads)
+    exec(assigning, {})
+    assigned = json.loads((tmp_path / "assignment.json").read_text())
+    assert set(assigned) == set(SCENES)
+    agents = {path.name for path in (two_roads / SCENES[0]).iterdir() if path.is_dir()}
+    assert assigned[SCENES[0]] == dict.fromkeys(agents, "m1")
+
+
+def test_the_ranges_for_heal_are_whole_voxels_and_the_same_everywhere() -> None:
+    changes = yaml.safe_load((Path(__file__).parents[2] / "examples" / "heal.yaml").read_text())
+    lidar = changes["heter"]["modality_setting"]["m1"]["preprocess"]
+    encoder = changes["model"]["args"]["m1"]["encoder_args"]
+    ranges = [changes["cav_lidar_range"], lidar["cav_lidar_range"], encoder["lidar_range"]]
+    assert ranges[1:] == ranges[:-1]
+    voxel = np.array(lidar["args"]["voxel_size"])
+    cells = (np.array(ranges[0][3:]) - ranges[0][:3]) / voxel
+    assert encoder["voxel_size"] == voxel.tolist()
+    assert cells.round(9).tolist() == [704, 512, 1]  # 704 and 512 are halved four times and more
 
 
 def test_only_the_chosen_frames_are_evaluated(two_roads: Path, tmp_path: Path) -> None:
