@@ -321,6 +321,8 @@ def read_view(view: AgentView) -> list[AdvercityError]:
             *(lambda: view.instance(0), lambda: view.normal(0), lambda: view.flow(0)),
             *(lambda: view.hdr(0), lambda: view.raw(0), lambda: view.load_readout(0)),
             *(lambda: view.camera_model(0), lambda: view.load_radar_pose(0)),
+            *(lambda: view.thermal(0), lambda: view.thermal_semantic(0), lambda: view.stamps),
+            *(lambda: view.thermal_instance(0), lambda: view.load_thermal_model(0)),
             *(view.load_velocities, view.load_messages_document),
         ]
     )

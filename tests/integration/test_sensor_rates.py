@@ -1,5 +1,6 @@
 """LiDARs, radars and thermal cameras with rates of their own, from the declaration to readers."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -139,3 +140,12 @@ def test_any_order_of_frames_gives_the_same_bytes(
     assert first == again
     assert verify_dataset(dataset.parent) == []
     write_recording(dataset, tmp_path / "again.rrd")
+
+
+@pytest.mark.parametrize("stamps", ["stamps: []", "stamps: {lidar0: soon}", "stamps: 3"])
+def test_damaged_stamps_give_a_message(dataset: Path, tmp_path: Path, stamps: str) -> None:
+    copy = shutil.copytree(dataset, tmp_path / dataset.name)
+    path = copy / "+101" / "000060.yaml"
+    path.write_text(f"{path.read_text().partition('stamps:')[0]}{stamps}\n")
+    with pytest.raises(InputError, match=r"000060\.yaml"):
+        _ = Scenario(copy)[0]["cav1"].stamps

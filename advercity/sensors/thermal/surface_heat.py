@@ -61,6 +61,8 @@ PARKED_MEAN_H, COOLING_H = 3.0, 0.7
 BONNET_K, GRILLE_K, CABIN_K, TYRE_K, BRAKE_K, UNDERSIDE_K = 12.0, 18.0, 3.0, 12.0, 25.0, 20.0
 EXHAUST_K, MOTORCYCLE_ENGINE_K = 70.0, 50.0
 """Excesses of parts of a vehicle that was driven for long: of the size that thermograms show."""
+EXHAUST_HEIGHT_M, EXHAUST_SPREAD_M = 0.32, 0.06
+"""Where the end of an exhaust is above the road, and how far it warms the bumper around."""
 
 
 def compute_temperatures(
@@ -171,7 +173,6 @@ def _compute_engine_excess(
     is_body = ~_IS_GLASS[material] & ~_IS_RUBBER[material]
     is_bonnet = is_body & (ahead > 0.22) & (normal[:, 2] > 0.5) & (up < 0.75 * height)
     is_grille = is_body & (ahead > 0.45) & (normal[:, 0] > 0.5) & (beside < 0.35)
-    is_low = (up > 0.2) & (up < 0.45)
     # Bonnets are warm in their middle, above the engine.
     excess[is_bonnet] += BONNET_K * np.clip(1.2 - 1.6 * beside[is_bonnet], 0.0, 1.0)
     excess[is_grille & (up > 0.25) & (up < 0.85)] += GRILLE_K
@@ -179,6 +180,7 @@ def _compute_engine_excess(
     excess[_IS_RUBBER[material]] += TYRE_K
     excess[_IS_WHEEL_METAL[material] & (beside > 0.35) & (up < 0.6)] += BRAKE_K
     side = 1.0 if state.actor.id % 2 else -1.0
-    is_pipe = (ahead < -0.46) & is_low & (np.abs(place[:, 1] - side * 0.3 * width) < 0.12)
-    excess[is_body & is_pipe] += EXHAUST_K
+    off_m = np.hypot(place[:, 1] - side * 0.3 * width, up - EXHAUST_HEIGHT_M)
+    spot = np.exp(-0.5 * (off_m / EXHAUST_SPREAD_M) ** 2)
+    excess += np.where(is_body & (ahead < -0.46), EXHAUST_K * spot, 0.0)
     return excess
