@@ -99,9 +99,6 @@ class LampSet:
         dr.make_opaque(cells)
         self.tables = LampTables(stride, device_rows, cells, grid)
 
-    def __len__(self) -> int:
-        return len(self._pattern)
-
     def _compute_grid(self) -> tuple[FloatArray, FloatArray]:
         """Compute the south-western corner (2,) of the cells, and cells per metre (2,)."""
         low = self._position[:, :2].min(axis=0) - GRID_MARGIN_M

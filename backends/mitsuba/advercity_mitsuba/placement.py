@@ -18,9 +18,6 @@ from advercity_mitsuba.geometry import GeometryStore, RegisteredBody
 from advercity_mitsuba.surfaces import get_paint_row
 from advercity_mitsuba.variant import dr, mi
 
-INSTANCE_FLOATS = 12
-"""Numbers of an instance's pose: the first three rows of its matrix."""
-
 
 @dataclass(frozen=True, eq=False)
 class _Instance:

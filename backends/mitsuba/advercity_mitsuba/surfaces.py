@@ -56,9 +56,6 @@ class SurfaceTable:
         """The table (rows, COLUMNS)."""
         return np.array(self._values, np.float32)
 
-    def __len__(self) -> int:
-        return len(self._values)
-
     def get_row(self, mesh: Mesh, *, is_static: bool) -> int:
         """Get the row of a mesh's surface; it is made when it is first needed."""
         is_painted = mesh.material == ACTOR_PAINT
