@@ -15,6 +15,7 @@ from advercity_mitsuba.hits import (
     find_row,
     trace,
 )
+from advercity_mitsuba.light import compute_transmittance
 from advercity_mitsuba.reflection import compute_specular_reflectance
 from advercity_mitsuba.variant import dr, mi
 
@@ -92,9 +93,10 @@ def trace_visible(scene: Scene, eye: Any, ray: Any) -> Crossing:
 
 @dataclass(frozen=True, eq=False)
 class Guides:
-    """Geometry at the middles of pixels."""
+    """Geometry at the middles of pixels, and the fraction of its light that the air leaves."""
 
     depth: Any
+    clearness: Any
     normal: Any
     albedo: Any
     semantic: Any
@@ -112,6 +114,7 @@ def trace_guides(scene: Scene, camera: Camera, pixel: Any) -> Guides:
     shine = compute_specular_reflectance(s, dr.abs(dr.dot(ray, s.normal)))
     guides = Guides(
         depth=dr.select(seen, crossing.distance / length, 0.0),
+        clearness=compute_transmittance(scene.light, crossing.distance),
         normal=dr.select(seen, hit.normal, 0.0),
         albedo=dr.select(seen, dr.minimum(s.albedo + shine, 1.0), 1.0),
         semantic=dr.select(seen, hit.semantic, 0),

@@ -234,7 +234,7 @@ def _compute_beam_fraction(lamp: Lamp, ray: Any, depth: Any) -> Any:
     dark = dr.exp(dr.clip(x / pick("cutoff_softness_deg"), -40.0, 40.0))
     sharp = (stray + (1.0 - stray) / (1.0 + dark)) * below * above
     # Droplets deflect a part of the light a little, which dissolves the cut-off.
-    spread = dr.rad2deg(_compute_forward_spread(dr.maximum(depth, 1e-3)))
+    spread = dr.rad2deg(compute_forward_spread(depth))
     even = x - pick("even_top_deg")
     beyond = _fraction_beyond(even / spread)
     soft = beyond - _fraction_beyond((even + pick("equivalent_height_deg")) / spread)
@@ -243,8 +243,17 @@ def _compute_beam_fraction(lamp: Lamp, ray: Any, depth: Any) -> Any:
     return dr.select(forward > 0.0, light * sideways, 0.0)
 
 
-def _compute_forward_spread(depth: Any) -> Any:
+def compute_forward_spread(depth: Any) -> Any:
+    """Compute the spread, in radians, of light that droplets deflect a little over a depth."""
+    depth = dr.maximum(depth, 1e-3)
     return LOBES.narrow_scale_rad * depth / (1.0 - dr.exp(-depth))
+
+
+def compute_deflection_density(angle: Any, spread: Any) -> Any:
+    """Compute the density of deflections by an angle, without a factor that only the angle has."""
+    spreads = angle / spread
+    root = dr.sqrt(1.0 + spreads * spreads)
+    return 1.0 / (spread * root * (root + spreads))
 
 
 def _fraction_beyond(spreads: Any) -> Any:

@@ -15,6 +15,9 @@ from advercity_mitsuba.variant import dr, mi
 KILO = 1e-3
 """Factor from cd/m² and lx to kcd/m² and klx."""
 
+LEAST_DEFLECTING = 6e-3
+"""Extinction, 1/m, above which fog deflects light visibly."""
+
 
 @dataclass(frozen=True, eq=False)
 class Light:
@@ -29,6 +32,7 @@ class Light:
         has_air: Whether air attenuates anything.
         has_sun: Whether there is direct sunlight.
         night: Whether lamps light the scene.
+        deflects: Whether fog deflects so much light a little that it is seen.
     """
 
     sky: Any
@@ -39,6 +43,7 @@ class Light:
     has_air: bool
     has_sun: bool
     night: bool
+    deflects: bool
 
 
 def upload_light(atmosphere: Atmosphere) -> Light:
@@ -55,6 +60,7 @@ def upload_light(atmosphere: Atmosphere) -> Light:
         has_air=atmosphere.extinction.at_550nm > 0.0,
         has_sun=atmosphere.sun_lx > 0.0,
         night=atmosphere.night,
+        deflects=atmosphere.extinction.at_550nm > LEAST_DEFLECTING,
     )
     dr.make_opaque(light.extinction, light.sun_direction, light.sun_irradiance)
     return light

@@ -19,6 +19,8 @@ from advercity_mitsuba.lamps import (
     HOUSING_M,
     LOBES,
     choose_lamp,
+    compute_deflection_density,
+    compute_forward_spread,
     compute_glow,
     compute_illuminance,
     fetch_lamp,
@@ -41,6 +43,8 @@ MIRROR_ALPHA = 0.1
 that no light is counted twice."""
 LEAST_THROUGHPUT = 1e-5
 UNDEFLECTED_DEPTH_LIMIT = 8.0
+MOST_DEFLECTED, DRAWN_DISTANCE_M = 0.97, 60.0
+"""Fraction of deflected light that is looked for, and the distance for which angles are drawn."""
 
 
 def _compute_sunlight(scene: Scene, s: Surface, eye: Any, position: Any, active: Any) -> Any:
@@ -67,6 +71,39 @@ def _compute_lamplight(
     hidden = active & (reached > 0.0)
     lit = active & (~hidden | is_visible(scene, position, direction, reached, hidden))
     return dr.select(lit, reflected, 0.0), random
+
+
+def _compute_deflected_light(
+    scene: Scene, camera: Camera, ray: Any, distance: Any, random: Any
+) -> tuple[Any, Any]:
+    """Compute light of lamps on surfaces around a ray that fog deflects into it; one more ray.
+
+    Angles up to `MOST_DEFLECTED` of all are drawn by the spread at a distance that is not far.
+    """
+    light = scene.light
+    near = LOBES.narrow_fraction * light.extinction * dr.minimum(distance, DRAWN_DISTANCE_M)
+    spread = compute_forward_spread(near)
+    rest = 1.0 - MOST_DEFLECTED * random.next_float32()
+    angle = spread * (1.0 - rest * rest) / (2.0 * rest)
+    sine, cosine = dr.sincos(angle)
+    around_sine, around_cosine = dr.sincos(2.0 * dr.pi * random.next_float32())
+    frame = mi.Frame3f(ray)
+    found = dr.normalize(
+        frame.to_world(mi.Vector3f(sine * around_cosine, sine * around_sine, cosine))
+    )
+    eye = mi.Point3f(camera.eye)
+    crossing = trace_visible(scene, eye, found)
+    seen = crossing.distance < FAR_M
+    hit = fetch_hit(scene, crossing, eye, found, seen)
+    depth = LOBES.narrow_fraction * light.extinction * crossing.distance
+    weight = compute_deflection_density(angle, compute_forward_spread(depth))
+    weight *= MOST_DEFLECTED / compute_deflection_density(angle, spread)
+    weight *= 1.0 - dr.exp(-depth)
+    weight *= dr.exp(-LOBES.wide_fraction * light.extinction * crossing.distance)
+    outside = hit.position + (1e-3 + 1e-5 * crossing.distance) * hit.normal
+    s = build_next_surface(scene, hit)
+    lit, random = _compute_lamplight(scene, s, -found, outside, random, seen)
+    return dr.select(seen, weight * lit, 0.0), random
 
 
 def trace_radiance(
@@ -152,6 +189,9 @@ def _start_path(scene: Scene, camera: Camera, direction: Any, random: Any) -> _P
         radiance, random = compute_glow(
             light, scene.lamps, scene.glow_chances, origin, direction, range_m, random
         )
+        if light.deflects:
+            lit, random = _compute_deflected_light(scene, camera, direction, range_m, random)
+            radiance += lit
     return _Path(
         origin=origin,
         direction=mi.Vector3f(direction),
@@ -234,9 +274,11 @@ def _reflect(scene: Scene, camera: Camera, path: _Path, hit: Hit, path_depth: An
     found += _compute_sunlight(scene, s, eye, outside, path.active)
     travelled = path.travelled + path.crossing.distance
     if light.night and scene.lamps is not None:
-        # What is deflected a little still arrives.
+        # What is deflected a little still arrives; to the camera, from around where it comes from.
         narrow = LOBES.narrow_fraction * light.extinction * travelled
         kept = dr.exp(dr.minimum(narrow, UNDEFLECTED_DEPTH_LIMIT))
+        if light.deflects:
+            kept = dr.select(path.depth == 0, 1.0, kept)
         lit, random = _compute_lamplight(
             scene, _without_mirror(s), eye, outside, random, path.active
         )

@@ -83,7 +83,10 @@ class MitsubaRenderer:
         normal = np.array(guides.normal, np.float32).T.reshape(*size, 3)
         if is_raster or self._profile.denoise:
             albedo = np.array(guides.albedo, np.float32).T.reshape(*size, 3)
-            light = denoise(light, albedo, normal)
+            # Of what fog hides, the denoiser would draw outlines into the glow of lamps.
+            clear = np.array(guides.clearness, np.float32).reshape(*size, 1)
+            veiled = 1.0 + clear * (albedo - 1.0), clear * normal
+            light = denoise(light, *(guide.astype(np.float32) for guide in veiled))
         depth = np.array(guides.depth, np.float32).reshape(size)
         semantic = np.array(guides.semantic, np.uint8).reshape(size)
         return CameraCapture(
