@@ -2,8 +2,9 @@
 
 A preview camera, of 480x270 pixels by default, in the ego of a dense urban intersection, against
 SAPIEN's own raster pack on the same scene: the same bodies, the same shadow map. Ours is rendered
-and then processed: rain before the lens, lens, electronics. All are measured in turns, so that
-ratios hold on a busy machine too. The cost of an effect is the difference between two weathers.
+and then processed: rain before the lens, lens, electronics. All are measured in turns, in processor
+time, so that ratios hold on a busy machine too. The cost of an effect is the difference between two
+weathers.
 """
 
 import argparse
@@ -148,7 +149,7 @@ def measure_bands(scene: BenchmarkScene, rounds: int) -> tuple[float, float]:
 def measure_image(
     scene: BenchmarkScene, weather: str, rounds: int, width_px: int = WIDTH_PX
 ) -> tuple[float, float, float]:
-    """Measure median seconds of SAPIEN's image, of our rendering, and of processing it."""
+    """Measure median processor time of SAPIEN's image, of our rendering, and of processing it."""
     authored = with_weather(scene.spec, find_weather(weather)).weather
     air, ego = compute_atmosphere(authored, scene.spec.road.land_use), scene.ego
     camera = ego.sensors.camera
@@ -175,7 +176,7 @@ def measure_image(
             render_image(capture, exposure, conditions, rng, mount=camera.mounts[0])
 
         steps = (render_stock, lambda: renderer.render_camera(view), process)
-        rows = [[measure_run_time(step).wall_s for step in steps] for _ in range(WARM_UP + rounds)]
+        rows = [[measure_run_time(step).cpu_s for step in steps] for _ in range(WARM_UP + rounds)]
     stock_s, rendered_s, processed_s = map(statistics.median, zip(*rows[WARM_UP:], strict=True))
     return stock_s, rendered_s, processed_s
 

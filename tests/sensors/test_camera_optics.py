@@ -143,6 +143,18 @@ def test_a_high_beam_is_within_the_limits_of_its_regulation(
     assert beam_fraction(HIGH_BEAM, 0.0, 0.0) >= 0.8
 
 
+@pytest.mark.parametrize(
+    ("aside_deg", "least_cd"), [(3, 17_500), (6, 5_000), (9, 3_400), (12, 1_500)]
+)
+def test_a_high_beam_is_as_wide_as_the_newer_regulation_demands(
+    aside_deg: float, least_cd: float
+) -> None:
+    """UN R149, 01 series of amendments, table 5: driving beam of class B, level."""
+    peak_cd = HIGH_BEAM_CD["car"] / 2.0
+    for right_deg in (-aside_deg, aside_deg):
+        assert peak_cd * beam_fraction(HIGH_BEAM, right_deg, 0.0) >= least_cd
+
+
 def test_a_high_beam_shines_as_far_up_as_down() -> None:
     for up_deg in (1.0, 3.0, 6.0):
         up, down = (beam_fraction(HIGH_BEAM, 0.0, side * up_deg) for side in (1, -1))

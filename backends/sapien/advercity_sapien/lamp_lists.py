@@ -50,6 +50,8 @@ BEAM_LUMINANCE_FACTOR = 4e-3
 HALO_COEFFICIENT, HALO_EXPONENT = 75.0, 1.9
 """Glow of a lamp one degree off it (weather reference, halos in fog), and its fall with angle."""
 HALO_MAX_RAD = np.radians(60.0)
+PAIR_MERGE_M, MAX_PAIR_WIDTH_M = 30.0, 2.5
+"""Distance beyond which a pair of lamps lights as one between them, with shadows of the first."""
 MIRROR_HALF_ANGLE_RAD = np.radians(9.0)
 """Horizontal angle off a lamp beyond which a wet road does not mirror it."""
 NO_ANGLE_LIMIT = -2.0
@@ -81,6 +83,7 @@ class LampLists:
         faint_cd_m2 = NEGLIGIBLE_AIRLIGHT_FRACTION * max(atmosphere.horizon_airlight)
         self._faint_cd_m2 = max(faint_cd_m2, MIN_LUMINANCE_CD_M2)
         self._range_m = self._compute_ranges()
+        self._is_paired = self._find_pairs()
         self.cell_grid = self._compute_cell_grid()
         self._cells, self._cell_lamps = self._list_by_cell()
 
@@ -94,6 +97,8 @@ class LampLists:
         lamps[1, :count] = np.column_stack([self._facing, min_cosine])
         lamps[2, :count] = np.column_stack([light, self._range_m])
         lamps[3, :count, 0] = self._free_path_m
+        # From the first of a pair to the middle of both.
+        lamps[3, : max(count - 1, 0), 1:] = np.diff(self._position, axis=0) / 2.0
         lists = {"cell_lamps": self._cell_lamps, "tiles": tiles}
         lists["bearings"] = self._list_by_bearing(view)
         table.section("cells").reshape(-1, 4)[: GRID_CELLS**2, :2] = self._cells
@@ -105,6 +110,22 @@ class LampLists:
         street = np.cbrt(STREET_LAMP_HEIGHT_M * self._intensity_cd / self._faint_lx)
         other = np.sqrt(self._intensity_cd / self._faint_lx)
         return np.minimum(np.where(self._kind == LampPattern.STREET, street, other), MAX_RANGE_M)
+
+    def _find_pairs(self) -> NDArray[np.bool_]:
+        """Find lamps (n,) that are the first of a pair, of which the second is the next lamp."""
+        first, second = slice(None, -1), slice(1, None)
+        width = np.linalg.norm(np.diff(self._position, axis=0), axis=1)
+        alike = (
+            (self._kind[first] == self._kind[second])
+            & (self._intensity_cd[first] == self._intensity_cd[second])
+            & np.all(self._facing[first] == self._facing[second], axis=1)
+            & (self._kind[first] != LampPattern.STREET)
+            & (width < MAX_PAIR_WIDTH_M)
+        )
+        is_first = np.zeros(len(self._kind), dtype=bool)
+        for lamp in np.flatnonzero(alike):
+            is_first[lamp] = lamp == 0 or not is_first[lamp - 1]
+        return is_first
 
     def _compute_cell_grid(self) -> tuple[float, float, float, float]:
         """Compute the south-western corner of the cells, and cells per metre."""
@@ -143,7 +164,11 @@ class LampLists:
             LENS.relative_intensity(np.cos(off_axis)) / (nearest**2 + 1.0),
         )
         lux[nearest > self._range_m] = 0.0
-        return _pack_lists(lux, self._faint_lx)
+        merged = self._is_paired & (nearest > PAIR_MERGE_M)
+        # The first stands for both, if the second is in range.
+        merged[:, :-1] &= lux[:, 1:] > 0.0
+        lux[:, 1:][merged[:, :-1]] = 0.0
+        return _pack_lists(np.where(merged, 2.0, 1.0) * lux, merged, self._faint_lx)
 
     def _list_by_tile(self, view: CameraView) -> tuple[FloatArray, Float32Array]:
         """List lamps (tiles, LAMPS_PER_TILE) by their glow.
@@ -225,10 +250,12 @@ def _horizontal_angle(away: FloatArray, distance: FloatArray, facing: FloatArray
     return np.arccos(np.clip((away * facing).sum(axis=-1) / np.maximum(distance, 1e-3), -1.0, 1.0))
 
 
-def _pack_lists(lux: FloatArray, above: float) -> tuple[NDArray[np.int_], Float32Array]:
+def _pack_lists(
+    lux: FloatArray, merged: NDArray[np.bool_], above: float
+) -> tuple[NDArray[np.int_], Float32Array]:
     """Pack the columns above a limit of each row (cells, lamps) as `_list_by_cell` returns them.
 
-    If all are more than there is room for, the highest remain.
+    Merged ones have `COLUMNS` added. If all are more than there is room for, the highest remain.
     """
     # Each list may leave three places of its last texel empty.
     room = CELL_LAMPS - 3 * len(lux)
@@ -240,7 +267,7 @@ def _pack_lists(lux: FloatArray, above: float) -> tuple[NDArray[np.int_], Float3
     first = np.concatenate([[0], ends[:-1]])
     packed = np.full(CELL_LAMPS, -1.0, dtype=np.float32)
     place_in_list = np.arange(len(row)) - (np.cumsum(counts) - counts)[row]
-    packed[4 * first[row] + place_in_list] = lamp
+    packed[4 * first[row] + place_in_list] = lamp + COLUMNS * merged[row, lamp]
     return np.stack([first, ends], axis=1), packed
 
 

@@ -95,3 +95,22 @@ def test_only_the_brightest_lamps_are_in_the_table() -> None:
     kcd = table.section("lamps")[2, :, 0]
     assert kcd[0] == pytest.approx((COLUMNS + 20) / 1000.0)
     assert kcd.min() == pytest.approx(21 / 1000.0)
+
+
+def test_both_lamps_of_a_pair_light_distant_cells_as_one() -> None:
+    left, right = (
+        LightSource(LampPattern.LOW_BEAM, (0.0, y, 0.7), (1.0, 0.0, 0.0), 2e4, (1.0, 1.0, 1.0))
+        for y in (0.6, -0.6)
+    )
+    lists, table = write(left, right)
+    near, far = (listed(table, cell_of(lists, x, 0.0)) for x in (5.0, 80.0))
+    assert (near, far) == ([0, 1], [COLUMNS])
+
+
+def test_a_lamp_beside_a_pair_is_not_taken_for_one_of_it() -> None:
+    beams = [
+        LightSource(LampPattern.LOW_BEAM, (0.0, y, 0.7), (1.0, 0.0, 0.0), 2e4, (1.0, 1.0, 1.0))
+        for y in (2.0, 0.0, -2.0)
+    ]
+    lists, table = write(*beams)
+    assert listed(table, cell_of(lists, 80.0, 0.0)) == [COLUMNS, 2]

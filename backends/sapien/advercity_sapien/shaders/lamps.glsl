@@ -1,9 +1,20 @@
 // Lamps of streets, signals and vehicles, and their glow in fog.
 // Needs shader_constants.glsl, shader_table.glsl, atmosphere.glsl, surface.glsl.
 
+// What every lamp needs of the table's numbers, fetched once a pixel: each fetch costs as much as a step.
+float airExtinction = 0.0, negligibleRadiance = 0.0;
+
+// Before all others of this file, at night. Radiance, sum of the colours, that is invisible against
+// airlight and sky, is negligible.
+void fetchLampAir() {
+  airExtinction = extinction();
+  negligibleRadiance = 5e-3 * (horizonAirlight().r + horizonAirlight().g + skyHarmonic(0).g);
+}
+
 struct Lamp {
   int number;
   vec3 position;
+  vec3 middle;  // of both of a pair that lights as one, else its position
   int kind;
   vec3 facing;
   // Cosine of the largest angle off it at which its glow is seen; from NO_ANGLE_LIMIT down to one
@@ -21,15 +32,18 @@ bool isBeam(Lamp l) {
   return l.kind == LAMP_LOW_BEAM || l.kind == LAMP_FOG_BEAM || l.kind == LAMP_HIGH_BEAM;
 }
 
-Lamp fetchLamp(int i) {
+// Lamp of an entry of a list: one from COLUMNS on stands for both of a pair.
+Lamp fetchLamp(int entry) {
+  int i = entry % COLUMNS;
   vec4 a = texelFetch(samplerTable, ivec2(i, LAMPS_ROW), 0);
   vec4 b = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 1), 0);
   vec4 c = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 2), 0);
-  float freePath = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 3), 0).x;
-  return Lamp(i, a.xyz, int(a.w), b.xyz, b.w, c.rgb, c.w, freePath);
+  vec4 d = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 3), 0);
+  int pair = entry / COLUMNS;
+  return Lamp(i, a.xyz, a.xyz + float(pair) * d.yzw, int(a.w), b.xyz, b.w, c.rgb * float(1 + pair), c.w, d.x);
 }
 
-// Numbers of four lamps of a list; -1 after the last.
+// Four entries of a list of lamps; -1 after the last.
 ivec4 lampQuad(int row, int texel) {
   return ivec4(texelFetch(samplerTable, ivec2(texel % COLUMNS, row + texel / COLUMNS), 0));
 }
@@ -76,16 +90,16 @@ bool beamAngles(vec3 facing, vec3 ray, out float h, out float v) {
 // function), and what is deflected so little still lights and shows things: scattering.py of the core
 // has the formulas. Optical depth of the narrow lobe alone:
 float narrowDepth(float distance) {
-  return (1.0 - DROPLET_WIDE_FRACTION) * extinction() * distance;
+  return (1.0 - DROPLET_WIDE_FRACTION) * airExtinction * distance;
 }
 
 // Fraction of light that is not scattered by the wide lobe.
 float unscatteredTransmittance(float distance) {
-  return transmittance(DROPLET_WIDE_FRACTION * distance);
+  return exp(-airExtinction * DROPLET_WIDE_FRACTION * distance);
 }
 
 // Whether it matters by how little light is deflected: in clearer air, nearly nothing is.
-bool deflectsVisibly() { return extinction() > 6e-3; }
+bool deflectsVisibly() { return airExtinction > 6e-3; }
 
 // Ratio of the light that is seen of a lamp-lit surface to what is not scattered, where deflected
 // light counts as not deflected.
@@ -177,11 +191,6 @@ float rangeFalloff(Lamp l, float distance) {
   return fraction * fraction;
 }
 
-// Radiance, sum of the colours, that is invisible against airlight and sky.
-float negligibleRadiance() {
-  return 5e-3 * (horizonAirlight().r + horizonAirlight().g + skyHarmonic(0).g);
-}
-
 // Fraction of a lamp's light that fog leaves. Lamps that shine all around lose nothing: light that
 // is scattered away from one point is scattered to it from others.
 float beamTransmittance(Lamp l, float distance) {
@@ -192,10 +201,10 @@ float beamTransmittance(Lamp l, float distance) {
 // with what the road reflects. The table (fog_beams.py) has it by roots of the metres ahead of the
 // lamp, to the side, and above the ground; between eight nodes it is linear.
 vec4 scatteredLight(Lamp l, vec3 position, bool forGlow) {
-  vec2 ahead = normalize(l.facing.xy), away = position.xy - l.position.xy;
+  vec2 ahead = normalize(l.facing.xy), away = position.xy - l.middle.xy;
   float mounted = l.kind == LAMP_FOG_BEAM ? FOG_LAMP_HEIGHT : LAMP_HEIGHT;
   vec3 point = vec3(dot(away, ahead), dot(away, vec2(ahead.y, -ahead.x)),
-      max(position.z - l.position.z + mounted, 0.0));
+      max(position.z - l.middle.z + mounted, 0.0));
   vec3 root = sqrt(abs(point)) * vec3(sign(point.x), 1.0, 1.0);
   vec3 place = (root - FOG_BEAM_FIRST) * FOG_BEAM_PER_ROOT;
   vec3 last = vec3(FOG_BEAM_NODES - 1);
@@ -229,13 +238,14 @@ float scatteredIrradiance(vec4 light, vec3 normal) {
 // Radiance of a surface that one lamp lights, without shadows; of one that mirrors without its lobe,
 // which `lampMirrorReflection` has.
 vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position, bool mirrors) {
-  vec3 away = position - l.position;
+  vec3 away = position - l.middle;
   float distance2 = dot(away, away);
   if (distance2 > l.range * l.range) return vec3(0.0);
   float distance = sqrt(max(distance2, 1e-6));
   vec3 ray = away / distance;
-  // An upper bound of each part is known without the beam's shape, which is expensive.
-  const float MAX_SCATTERED = 0.25;
+  // What each part can be is known without the beam's shape, which is expensive. Scattered light is more
+  // than this of the peak's only near a lamp, where it is far from negligible.
+  const float MAX_SCATTERED = 0.05;
   float left = beamTransmittance(l, distance);
   float given = rangeFalloff(l, distance) / (distance2 + lampSizeSquared(l));
   vec3 reflected = diffuseCosine(s, towardsEye, -ray);
@@ -243,10 +253,10 @@ vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position, bool mirr
   vec3 direct = l.intensity * given * left * reflected;
   vec3 scattered = l.intensity * s.albedo / PI;
   vec3 sum = vec3(0.0);
-  if (dot(s.normal, ray) < 0.0 && dot(direct, vec3(1.0)) >= negligibleRadiance()) {
+  if (dot(s.normal, ray) < 0.0 && dot(direct, vec3(1.0)) >= negligibleRadiance) {
     sum += direct * intensityFraction(l, ray, distance);
   }
-  if (isBeam(l) && MAX_SCATTERED * given * (1.0 - left) * dot(scattered, vec3(1.0)) >= negligibleRadiance()) {
+  if (isBeam(l) && MAX_SCATTERED * given * (1.0 - left) * dot(scattered, vec3(1.0)) >= negligibleRadiance) {
     vec4 light = scatteredLight(l, position, false);
     sum += scattered * rangeFalloff(l, distance) * scatteredIrradiance(light, s.normal);
   }
@@ -324,19 +334,19 @@ float segmentInScattering(
     float fromLamp = closest / sine;
     vec3 away = (eye + t * ray - l.position) / fromLamp;
     float point = fromLamp * fromLamp / (fromLamp * fromLamp + lampSizeSquared(l));
-    vec2 left = vec2(narrowGain * transmittance(t + fromLamp), unscatteredTransmittance(t + fromLamp));
+    vec2 left = vec2(narrowGain * exp(-airExtinction * (t + fromLamp)), unscatteredTransmittance(t + fromLamp));
     vec2 scattered = dropletPhase(-slope * sine) * left;
     sum += 3.0 * u * u * point * rangeFalloff(l, fromLamp) * intensityFraction(l, away, fromLamp)
         * (scattered.x + scattered.y) * airVisibility(l, away * fromLamp);
   }
-  return sum * extinction() * span / (closest * float(steps));
+  return sum * airExtinction * span / (closest * float(steps));
 }
 
 // Light that fog scatters out of a beam, once or often, and then into a ray. Part of it goes along its
 // flow, as much as the square of its mean cosine (delta scaling), and the rest is even. Sampled once, at
 // `jitter` in [0, 1) of the air's opacity: it is so smooth that the mean of sixteen pixels needs no more.
 float diffuseInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
-  float along = DROPLET_WIDE_FRACTION * extinction();
+  float along = DROPLET_WIDE_FRACTION * airExtinction;
   float opacity = 1.0 - exp(-along * distance);
   vec3 point = eye - log(1.0 - opacity * jitter) / along * ray;
   vec4 light = scatteredLight(l, point, true);
@@ -376,7 +386,7 @@ vec3 lampInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) 
 // Scattered light of all lamps whose glow is seen in the tile of the image at `uv`.
 vec3 lampsInScattering(vec2 uv, vec3 eye, vec3 ray, float distance, float jitter) {
   vec3 sum = vec3(0.0);
-  if (!isNight() || extinction() <= 0.0) return sum;
+  if (airExtinction <= 0.0) return sum;
   int list = tileList(uv);
   for (int i = 0; i < TEXELS_PER_TILE; ++i) {
     ivec4 four = lampQuad(TILES_ROW, list + i);

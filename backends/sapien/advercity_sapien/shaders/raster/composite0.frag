@@ -171,6 +171,7 @@ void main() {
   float depth = lit.a;
   float distance = depth > 0.0 ? depth * distancePerDepth : FAR_M;
   float jitter = dither(gl_FragCoord.xy);
+  if (isNight()) fetchLampAir();
   vec3 scattered = lampsInScattering(place, eye, ray, distance, jitter);
   if (isNight() && deflectsVisibly()) scattered += deflectedLight(ray, distance, jitter);
   vec4 pane = texelFetch(samplerPane, texel, 0);

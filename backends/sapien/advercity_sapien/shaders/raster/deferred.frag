@@ -136,6 +136,9 @@ void main() {
     radiance += brdfCosine(s, -ray, sun) * sunIrradiance() * sunVisibility(position, outward);
   }
   if (isNight()) {
+    fetchLampAir();
+    // Invisible through the air before it, that is.
+    negligibleRadiance /= max(unscatteredTransmittance(distance), 1e-3);
     float gain = deflectsVisibly() ? 1.0 : undeflectedGain(distance);
     radiance += gain * lampRadiance(s, -ray, position, normal.xyz);
   }
