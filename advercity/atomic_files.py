@@ -19,6 +19,8 @@ from pathlib import Path
 
 import psutil
 
+from advercity.errors import InputError
+
 
 def _identify_machine() -> str:
     """Identify where a number of a process means the same process: machine and container."""
@@ -140,6 +142,14 @@ def open_without_links(path: str, flags: int) -> int:
     """
     more = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     return os.open(path, flags | more, 0o666)
+
+
+def check_is_no_link(path: Path) -> None:
+    """Raise an InputError if files in a folder would be deleted through a link."""
+    if path.is_symlink():
+        raise InputError(
+            f"{path}: is a link to {path.readlink()}, whose files stay; delete the link itself"
+        )
 
 
 def move_file(source: Path, target: Path) -> None:

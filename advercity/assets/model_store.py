@@ -30,14 +30,13 @@ from advercity.assets.model_images import (
     pack_images,
     read_images,
 )
+from advercity.assets.package_folders import is_unpacked, remove_package
 from advercity.assets.packages import (
-    DIGEST_FILE,
     FURNITURE,
     check_licence,
     copy_package,
     install_package,
     load_source_model,
-    remove_package,
 )
 from advercity.assets.people.base_mesh import load_base_mesh
 from advercity.assets.people.casting import draw_people
@@ -46,10 +45,9 @@ from advercity.assets.people.package import (
     PEOPLE,
     check_people_licence,
     install_people,
-    remove_people,
 )
 from advercity.assets.people.storage import compute_people_digest, pack_people
-from advercity.atomic_files import write_atomically
+from advercity.atomic_files import check_is_no_link, write_atomically
 from advercity.data_folder import find_data_folder
 from advercity.digests import compute_json_digest
 from advercity.documents import MAX_MODEL_BYTES, read_bytes
@@ -75,16 +73,24 @@ class ModelStore:
     people_package: AssetPackage = PEOPLE
 
     @property
+    def people_folder(self) -> Path:
+        """Where the package of people is unpacked."""
+        return self.folder / "people"
+
+    @property
+    def package_folder(self) -> Path:
+        """Where the asset package is unpacked."""
+        return self.folder / "package"
+
+    @property
     def has_package(self) -> bool:
         """Whether the asset package is installed, in the version that models are made from."""
-        path = self._package_folder / DIGEST_FILE
-        return path.is_file() and path.read_text() == self.package.sha256
+        return is_unpacked(self.package, self.package_folder)
 
     @property
     def has_people(self) -> bool:
         """Whether the package of people is installed, in the version that they are made from."""
-        path = self._people_folder / DIGEST_FILE
-        return path.is_file() and path.read_text() == self.people_package.sha256
+        return is_unpacked(self.people_package, self.people_folder)
 
     def install_people(self, source: Path | None = None) -> None:
         """Unpack the package of people from a file or folder, or download it.
@@ -93,7 +99,7 @@ class ModelStore:
             InputError: `source` does not exist, or is another file.
             RunError: It cannot be downloaded, or lacks a file.
         """
-        install_people(self.people_package, self._people_folder, source)
+        install_people(self.people_package, self.people_folder, source)
 
     def install_package(self, source: Path | None = None) -> None:
         """Unpack the asset package from a file or folder, or download it.
@@ -102,7 +108,7 @@ class ModelStore:
             InputError: `source` does not exist, or is another file.
             RunError: It cannot be downloaded.
         """
-        install_package(self.package, self._package_folder, source)
+        install_package(self.package, self.package_folder, source)
 
     def adopt(self, earlier: "ModelStore") -> bool:
         """Copy the package and the users' files of another store here, unless this one has them.
@@ -117,17 +123,20 @@ class ModelStore:
         """
         is_wanted = earlier.has_package and not self.has_package
         if is_wanted:
-            copy_package(self.package, earlier._package_folder, self._package_folder)
+            copy_package(self.package, earlier.package_folder, self.package_folder)
         had = len(_list_stored_models(self.folder / "own"))
         for path in _list_stored_models(earlier.folder / "own"):
             self.add_model(path)
         return is_wanted or len(_list_stored_models(self.folder / "own")) > had
 
     def remove_package(self) -> None:
-        """Delete the asset packages and all converted models."""
-        with report_write_errors():
-            remove_package(self.package, self._package_folder)
-            remove_people(self._people_folder)
+        """Delete the asset packages, but for files that were changed, and all converted models.
+
+        Raises:
+            InputError: A folder is a link, or a package was unpacked by an earlier version.
+        """
+        remove_package(self.package_folder)
+        remove_package(self.people_folder)
         self.remove_converted_models()
 
     def add_model(self, path: Path) -> str:
@@ -195,7 +204,12 @@ class ModelStore:
         return compute_images_digest(read_images(find_images_file(path)))
 
     def remove_converted_models(self) -> None:
-        """Delete all converted models; they are converted again where they are needed."""
+        """Delete all converted models; they are converted again where they are needed.
+
+        Raises:
+            InputError: Their folder is a link.
+        """
+        check_is_no_link(self.folder / "models")
         with report_write_errors():
             for path in _list_stored_models(self.folder / "models"):
                 path.unlink(missing_ok=True)
@@ -222,7 +236,7 @@ class ModelStore:
 
     def _load_parts(self, model: BodyModel) -> list[ModelPart]:
         if model.pack is not None:
-            source = load_source_model(self._package_folder, model.pack)
+            source = load_source_model(self.package_folder, model.pack)
             check_licence(model, source)
             return read_obj(source.obj, source.files)
         path = self._user_model_path(str(model.sha256))
@@ -247,7 +261,7 @@ class ModelStore:
         looks = blueprint.looks or PedestrianAppearance()
         size = blueprint.model_size
         key = compute_json_digest([blueprint.person.model_dump(), looks.model_dump(), size])
-        base = load_base_mesh(self._people_folder)
+        base = load_base_mesh(self.people_folder)
         return [
             convert_person(base, *drawn, size[2])
             for drawn in draw_people(blueprint.person, looks, size[2], key)
@@ -258,14 +272,6 @@ class ModelStore:
         if path.is_file():
             return
         _write_file(path, make())
-
-    @property
-    def _people_folder(self) -> Path:
-        return self.folder / "people"
-
-    @property
-    def _package_folder(self) -> Path:
-        return self.folder / "package"
 
     def _user_model_path(self, digest: str) -> Path:
         return self.folder / "own" / f"{digest}.glb"

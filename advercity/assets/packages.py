@@ -9,20 +9,17 @@ import re
 import shutil
 import tarfile
 import zipfile
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from advercity_dsl.catalogue import BodyModel, FreeLicence
 
 from advercity.assets.downloads import AssetPackage, fetch_package
-from advercity.atomic_files import open_partial_folder
-from advercity.errors import InputError, RunError, describe_cause, report_write_errors
+from advercity.assets.package_folders import open_new_package
+from advercity.errors import InputError, RunError, describe_cause
 
 LICENCE_FILE = "copyright"
-DIGEST_FILE = "package.sha256"
-"""File with the digest of the package that was unpacked."""
 _AR_MAGIC, _AR_HEADER = b"!<arch>\n", 60
 FREE_LICENCES: dict[str, FreeLicence] = {
     "CC0": "CC0-1.0",
@@ -57,9 +54,8 @@ def install_package(package: AssetPackage, folder: Path, source: Path | None = N
         InputError: `source` does not exist, or is another file, or `folder` holds other files.
         RunError: It cannot be downloaded, or is no Debian package of models.
     """
-    with _open_new_package(package, folder) as unpacked:
+    with open_new_package(package, folder) as unpacked:
         unpack_package(package, fetch_package(package, unpacked.parent, source), unpacked)
-        (unpacked / DIGEST_FILE).write_text(package.sha256)
 
 
 def copy_package(package: AssetPackage, source: Path, folder: Path) -> None:
@@ -68,52 +64,13 @@ def copy_package(package: AssetPackage, source: Path, folder: Path) -> None:
     Raises:
         InputError: `folder` holds other files, or a file cannot be read or written.
     """
-    with _open_new_package(package, folder) as unpacked:
-        for path in _list_package_files(package, source):
+    with open_new_package(package, folder) as unpacked:
+        for path in (source / name for name in (*package.collections, LICENCE_FILE)):
             try:
                 content = path.read_bytes()
             except OSError as error:
                 raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
             (unpacked / path.name).write_bytes(content)
-
-
-@contextmanager
-def _open_new_package(package: AssetPackage, folder: Path) -> Generator[Path]:
-    """Yield a folder in an empty one; at the end it takes the place of an unpacked package."""
-    with report_write_errors(), open_partial_folder(folder.parent) as partial:
-        unpacked = partial / "unpacked"
-        unpacked.mkdir()
-        yield unpacked
-        clear_package_folder(package, folder)
-        unpacked.replace(folder)
-
-
-def clear_package_folder(package: AssetPackage, folder: Path) -> None:
-    """Delete an unpacked package, so that another can take its place.
-
-    Raises:
-        InputError: The folder holds something else.
-    """
-    remove_package(package, folder)
-    if folder.is_symlink() or folder.exists():
-        raise InputError(
-            f"{folder}: holds files that are not of an asset package; move them, or set"
-            " ADVERCITY_DATA to another folder"
-        )
-
-
-def remove_package(package: AssetPackage, folder: Path) -> None:
-    """Delete the files of an unpacked package, and its folder if nothing else is in it."""
-    if (folder / DIGEST_FILE).is_file():
-        for path in _list_package_files(package, folder):
-            path.unlink(missing_ok=True)
-    with suppress(OSError):  # not there, or files of others are in it
-        folder.rmdir()
-
-
-def _list_package_files(package: AssetPackage, folder: Path) -> list[Path]:
-    # The digest last: until then an interrupted removal is known to be one of a package.
-    return [folder / name for name in (*package.collections, LICENCE_FILE, DIGEST_FILE)]
 
 
 def unpack_package(package: AssetPackage, file: Path, folder: Path) -> None:

@@ -2,9 +2,12 @@
 
 import hashlib
 import io
+import logging
+import os
 import tarfile
 import tempfile
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,13 +16,15 @@ import numpy as np
 
 from advercity.assets.downloads import AssetPackage, fetch_package
 from advercity.assets.maps.surface import encode_photographs
-from advercity.atomic_files import write_atomically
+from advercity.atomic_files import check_is_no_link, write_atomically
 from advercity.data_folder import find_data_folder
 from advercity.errors import RunError, report_write_errors
 from advercity.geometry.arrays import Uint8Array
 from advercity.material_maps import MaterialMaps
 from advercity.materials import MATERIALS
 from advercity.texture_packs import TextureFile, TexturePack
+
+_logger = logging.getLogger(__name__)
 
 NPM_FOLDER = "package"
 """Folder in npm's package files that holds all files."""
@@ -64,9 +69,25 @@ class TextureStore:
         return True
 
     def remove(self, pack: TexturePack) -> None:
-        """Delete a pack."""
-        with report_write_errors():
-            self._find_file(pack).unlink(missing_ok=True)
+        """Delete a pack; one that is not as it was stored stays, and a warning says so.
+
+        Raises:
+            InputError: The folder is a link.
+        """
+        check_is_no_link(self.folder)
+        path = self._find_file(pack)
+        if self._is_as_stored(pack):
+            with report_write_errors():
+                path.unlink()
+        elif os.path.lexists(path):
+            _logger.warning("%s: changed since it was stored, kept", path)
+
+    def _is_as_stored(self, pack: TexturePack) -> bool:
+        path = self._find_file(pack)
+        if path.is_symlink() or not self.is_installed(pack):
+            return False
+        contents = {file.path: self._read(pack, file) for file in pack.files}
+        return path.read_bytes() == _pack_archive(pack, contents)
 
     def load_maps(self, pack: TexturePack, name: str) -> MaterialMaps:
         """Load the images of a surface, brought to the albedo and roughness of its material.
@@ -119,16 +140,19 @@ def format_pack_attribution(pack: TexturePack) -> str:
 
 def _build_archive(pack: TexturePack, package: Path) -> bytes:
     """Build the archive of the declared files of a package; the same files give the same bytes."""
-    contents = {ATTRIBUTION_FILE: format_pack_attribution(pack).encode()}
     try:
         with tarfile.open(package) as archive:
-            for file in pack.files:
-                contents[file.path] = _extract(archive, file)
+            contents = {file.path: _extract(archive, file) for file in pack.files}
     except (tarfile.TarError, EOFError, OSError, KeyError, ValueError) as error:
         raise RunError(f"{package.name}: is not {pack.package} {pack.version}: {error}") from error
+    return _pack_archive(pack, contents)
+
+
+def _pack_archive(pack: TexturePack, contents: Mapping[str, bytes]) -> bytes:
+    attribution = {ATTRIBUTION_FILE: format_pack_attribution(pack).encode()}
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
-        for name, content in contents.items():
+        for name, content in {**attribution, **contents}.items():
             archive.writestr(zipfile.ZipInfo(name, _DATE), content)
     return stream.getvalue()
 

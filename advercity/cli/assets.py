@@ -68,10 +68,15 @@ def lock(
             continue
         if check:
             raise RunError(f"{path}: differs from the models on this machine")
+        if path.is_symlink():
+            raise InputError(
+                f"{path}: is a link to {path.readlink()}, which stays as it is; put the file itself"
+                " in place of the link"
+            )
         with report_write_errors():
-            write_atomically(path.resolve(), text.encode())
+            write_atomically(path, text.encode())
         print_data(str(path))
-    print_remark(f"{len(texts)} locks are current")
+    print_remark("1 lock is current" if len(texts) == 1 else f"{len(texts)} locks are current")
 
 
 @assets.command()
@@ -87,7 +92,7 @@ def add(
 
 @assets.command()
 def remove() -> None:
-    """Remove the asset packages, which specs may need to run."""
+    """Remove the asset packages, which specs may need to run; what you changed stays."""
     from advercity.assets.model_store import open_model_store
     from advercity.assets.texture_store import open_texture_store
     from advercity.texture_packs import TEXTURE_PACKS

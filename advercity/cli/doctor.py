@@ -13,6 +13,7 @@ import sumo
 from advercity import __version__
 from advercity.assets.catalogue import load_catalogue_blueprints
 from advercity.assets.model_store import open_model_store
+from advercity.assets.package_folders import DIGEST_FILE, is_damaged, is_unpacked
 from advercity.assets.texture_store import describe_package, open_texture_store
 from advercity.errors import AdvercityError, RunError
 from advercity.pipeline.cache import find_cache_folder
@@ -20,6 +21,7 @@ from advercity.rendering.backend import list_backend_names, load_backend
 from advercity.texture_packs import TEXTURE_PACKS
 
 _MISSING = " is not installed; the shipped specs need `advercity assets install`"
+_DAMAGED = ": is damaged; move its folder elsewhere, and `advercity assets install`"
 _NO_MITSUBA = "is not installed; for `full` without a graphics card: `make setup MITSUBA=1`"
 CheckResult = tuple[str, bool, str]
 """Name of the check, whether it passed, and what was found."""
@@ -83,12 +85,16 @@ def _check_packages() -> Iterator[CheckResult]:
         for blueprint in load_catalogue_blueprints().values()
         if store.prepare_model(blueprint) is not None
     )
-    for kind, package, is_installed in (
-        ("vehicles", store.package, store.has_package),
-        ("people", store.people_package, store.has_people),
+    for kind, package, folder in (
+        ("vehicles", store.package, store.package_folder),
+        ("people", store.people_package, store.people_folder),
     ):
         made = f"{found[kind]} blueprints from {package.name} {package.version}"
-        yield kind, True, made if is_installed else f"generated; {package.name}{_MISSING}"
+        if is_damaged(folder):
+            yield kind, False, f"generated; {folder / DIGEST_FILE}{_DAMAGED}"
+        else:
+            is_installed = is_unpacked(package, folder)
+            yield kind, True, made if is_installed else f"generated; {package.name}{_MISSING}"
     for pack in TEXTURE_PACKS.values():
         package = describe_package(pack)
         state = "installed" if textures.is_installed(pack) else _MISSING.strip()

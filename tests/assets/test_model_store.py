@@ -3,6 +3,7 @@
 import hashlib
 import io
 import os
+import shutil
 import tarfile
 import zipfile
 from dataclasses import replace
@@ -24,6 +25,7 @@ from advercity.cli import app
 from advercity.errors import InputError, RunError
 from advercity.geometry.mesh import MeshLayer
 from tests.builders import SMALL_LIBRARY
+from tests.command_line import Command
 from tests.shipped import CATALOGUE
 
 COPYRIGHT = """Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/
@@ -260,6 +262,90 @@ def test_removing_and_installing_keep_files_of_a_user(shelf: ModelStore, mirror:
         (shelf.folder / "package" / name).unlink()
     shelf.install_package(mirror)
     assert shelf.has_package
+
+
+@pytest.fixture
+def installed_for_all(
+    tiny: AssetPackage, mirror: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Path:
+    """The store of commands, with our package as both packages that there are."""
+    monkeypatch.setenv("ADVERCITY_DATA", str(tmp_path))
+    here = ModelStore(tmp_path / "assets", tiny)
+    here.install_package(mirror)
+    shutil.copytree(here.package_folder, here.people_folder)
+    return here.folder
+
+
+def test_removing_keeps_a_file_that_its_user_changed_and_says_so(
+    advercity: Command, installed_for_all: Path
+) -> None:
+    changed, linked = (
+        installed_for_all / name for name in ("package/copyright", "people/Tiny.sh3f")
+    )
+    changed.write_text("mine")
+    linked.rename(installed_for_all / "Tiny.sh3f")
+    linked.symlink_to(installed_for_all / "Tiny.sh3f")
+    code, _, err = advercity("assets", "remove")
+    assert code == 0
+    assert list_files(installed_for_all) == {"package/copyright", "people/Tiny.sh3f", "Tiny.sh3f"}
+    assert changed.read_text() == "mine"
+    assert linked.is_symlink()
+    assert f"{changed.parent}: changed since it was unpacked, kept: copyright" in err
+    assert f"{linked.parent}: changed since it was unpacked, kept: Tiny.sh3f" in err
+
+
+@pytest.mark.parametrize("name", ["package", "people", "models", "textures"])
+def test_removing_leaves_alone_what_a_link_leads_to(
+    advercity: Command, installed_for_all: Path, tmp_path: Path, name: str
+) -> None:
+    folder, shared = installed_for_all / name, tmp_path / "shared"
+    if folder.exists():
+        folder.rename(shared)
+    else:
+        shared.mkdir()
+        (shared / f"{'0' * 64}.glb").write_text("mine")
+    folder.symlink_to(shared)
+    had = list_files(shared)
+    code, _, err = advercity("assets", "remove")
+    assert code == 2
+    assert f"{folder}: is a link to {shared}, whose files stay; delete the link itself" in err
+    assert list_files(shared) == had
+
+
+def test_a_package_that_an_earlier_version_unpacked_is_not_removed_unseen(
+    advercity: Command, installed_for_all: Path, tiny: AssetPackage
+) -> None:
+    (installed_for_all / "package/package.sha256").write_text(tiny.sha256)
+    had = list_files(installed_for_all)
+    code, _, err = advercity("assets", "remove")
+    assert code == 2
+    assert "package.sha256: does not list what was unpacked, as versions before this one" in err
+    assert list_files(installed_for_all) == had
+    assert ModelStore(installed_for_all, tiny).has_package
+
+
+def test_a_changed_package_is_not_replaced_and_nothing_is_fetched(
+    shelf: ModelStore, mirror: Path
+) -> None:
+    (shelf.package_folder / "copyright").write_text("mine")
+    had = list_files(shelf.folder)
+    with pytest.raises(InputError, match="or were changed since; move them"):
+        shelf.install_package(mirror / "nowhere")
+    assert list_files(shelf.folder) == had
+
+
+@pytest.mark.parametrize("name", ["package", "people"])
+def test_a_package_whose_record_cannot_be_read_is_named_by_doctor_and_stops_no_command(
+    advercity: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv("ADVERCITY_DATA", str(tmp_path))
+    record = tmp_path / "assets" / name / "package.sha256"
+    record.parent.mkdir(parents=True)
+    record.write_bytes(b"\xff\xfe")
+    assert advercity("assets", "list", "--library", SMALL_LIBRARY).code == 0
+    code, out, _ = advercity("doctor")
+    assert code == 1
+    assert f"{record}: is damaged; move its folder elsewhere" in out
 
 
 def test_files_that_a_user_had_before_the_package_stay(mirror: Path, tiny: AssetPackage):

@@ -183,6 +183,17 @@ def test_the_command_removes_the_photographs(
     assert not open_texture_store().is_installed(pack)
 
 
+def test_a_pack_that_its_user_changed_is_not_removed(
+    store: TextureStore, pack: TexturePack, caplog: pytest.LogCaptureFixture
+):
+    (archive,) = store.folder.iterdir()
+    with zipfile.ZipFile(archive, "a") as content:
+        content.writestr("mine.png", b"mine")
+    store.remove(pack)
+    assert zipfile.ZipFile(archive).read("mine.png") == b"mine"
+    assert f"{archive}: changed since it was stored, kept" in caplog.text
+
+
 def replace_color(pack: TexturePack) -> PhotographedSurface:
     return replace(pack.surfaces["bark"], color=pack.notice)
 

@@ -11,13 +11,13 @@ from advercity.assets.locking import build_locks
 from advercity.assets.model_conversion import CONVERSION_VERSION
 from advercity.assets.model_store import ModelStore
 from advercity.assets.packages import FURNITURE
-from advercity.cli.assets import lock as write_locks
 from advercity.compiler import load_library, to_json
 from advercity.compiler.crossing import compile_library
 from advercity.compiler.model_locks import compute_declared_digest
 from advercity.errors import InputError
 from advercity.texture_packs import EZ_TREE
 from tests.builders import Write, compile_shaped, describe_errors
+from tests.command_line import Command
 
 CATALOGUE = """
 kind: catalogue
@@ -162,17 +162,22 @@ def test_a_file_that_is_no_lock_is_not_replaced_by_one(write: Write, tmp_path: P
     assert list(json.loads(mine.read_text())["models"]) == ["saloon"]
 
 
-def test_a_lock_is_written_where_a_link_leads(write: Write, tmp_path: Path) -> None:
+def test_a_lock_is_not_written_where_a_link_leads(
+    advercity: Command, write: Write, tmp_path: Path
+) -> None:
     folder = write_modelled(write, CATALOGUE.partition("  borrowed")[0])
     shared, link = tmp_path / "shared.json", folder / "catalogue.lock.json"
-    write_locks([folder], check=False)
-    current = link.read_text()
-    link.unlink()
-    shared.write_text(current.replace('"saloon"', '"other"'))
+    assert advercity("assets", "lock", folder).err == "1 lock is current\n"
+    link.rename(shared)
     link.symlink_to(shared)
-    write_locks([folder], check=False)
+    assert advercity("assets", "lock", folder).code == 0
+    other = shared.read_text().replace('"saloon"', '"other"')
+    shared.write_text(other)
+    code, _, err = advercity("assets", "lock", folder)
+    assert code == 2
+    assert f"{link}: is a link to {shared}, which stays as it is" in err
+    assert shared.read_text() == other
     assert link.is_symlink()
-    assert shared.read_text() == current
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"models": {}}'])

