@@ -140,9 +140,11 @@ class ActorState:
 
     def advance(self, time_s: float) -> "ActorState":
         """Advance the actor by a short time, which may be negative; its lamps stay."""
+        velocity = self.motion.velocity + time_s * self.motion.acceleration
         return replace(
             self,
             world_from_body=self.motion.advance_pose(self.world_from_body, time_s),
+            motion=replace(self.motion, velocity=velocity),
             travelled_m=self.travelled_m + time_s * self.speed_m_s,
         )
 

@@ -44,7 +44,7 @@ class BenchmarkScene:
         """List the views of an agent's cameras."""
         return [
             build_camera_view(agent, number, pose, profile)
-            for number, pose in enumerate(self.poses.world_from_cameras(agent, self.frame.index))
+            for number, pose in enumerate(self.poses.world_from_cameras(agent, self.frame))
         ]
 
     def list_world_meshes(self, frame: Frame) -> list[Mesh]:

@@ -130,7 +130,7 @@ def measure_bands(scene: BenchmarkScene, rounds: int) -> tuple[float, float]:
     times_s = [moment.instant.time_s for moment in list_moments(camera, shutter_s=0.005)]
     views: dict[float, CameraView] = {}
     for time_s in times_s:
-        pose = scene.poses.world_from_cameras(ego, FRAME, time_s=time_s)[0]
+        pose = scene.poses.world_from_cameras(ego, scene.frame, time_s=time_s)[0]
         views[time_s] = build_camera_view(ego, 0, pose, profile)
     with load_backend("sapien").open(scene.world, scene.air, profile) as renderer:
 
@@ -154,7 +154,7 @@ def measure_image(
     air, ego = compute_atmosphere(authored, scene.spec.road.land_use), scene.ego
     camera = ego.sensors.camera
     view = CameraView(
-        scene.poses.world_from_cameras(ego, FRAME)[0],
+        scene.poses.world_from_cameras(ego, scene.frame)[0],
         width_px,
         width_px * 9 // 16,
         math.radians(camera.horizontal_fov_deg),

@@ -72,10 +72,10 @@ def render_views(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8
 
 def _list_views(viewpoints: AgentPoses, index: int) -> Iterator[tuple[str, Matrix, frozenset[int]]]:
     agents = {agent.id: agent for agent in viewpoints.spec.agents}
-    ego = agents["cav1"]
-    yield "ego", viewpoints.world_from_cameras(ego, index)[0], frozenset({ego.number})
+    ego, frame = agents["cav1"], viewpoints.load_frame(index)
+    yield "ego", viewpoints.world_from_cameras(ego, frame)[0], frozenset({ego.number})
     for name in ("rsu1", "rsu2"):
-        yield name, viewpoints.world_from_cameras(agents[name], index)[0], frozenset()
+        yield name, viewpoints.world_from_cameras(agents[name], frame)[0], frozenset()
     yield "above", _build_aerial_pose(viewpoints.world_from_agent(ego, index)), frozenset()
 
 

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import cv2
 import numpy as np
@@ -51,6 +51,7 @@ from advercity.sensors.measurements import (
     RadarCube,
     SolutionQuality,
 )
+from advercity.sensors.mounts import carrier_from_sensor
 from advercity.sensors.rolling_shutter import RollingCamera, compute_row_times
 
 if TYPE_CHECKING:
@@ -492,7 +493,10 @@ class AgentView:
             )
 
     def row_times(self, camera: int) -> NDArray[np.float64]:
-        """Return when rows (h,) of an image are exposed, in seconds from the frame's instant."""
+        """Return when rows (h,) of an image are exposed, in seconds from the image's time.
+
+        That is the frame's, or the one in `stamps`.
+        """
         height_px = self.camera_model(camera).height_px
         kind = self.agent.sensors.cameras[camera].camera
         return compute_row_times(np.arange(height_px) + 0.5, kind, height_px)
@@ -510,9 +514,27 @@ class AgentView:
 
         All others measured at the frame's time.
         """
+        if not self.agent.sensors.has_rates:
+            return {}
         with report_read_errors(self.path(".yaml")):
             found: dict[str, Any] = self.description.get("stamps", {})
             return {name: float(time_s) for name, time_s in found.items()}
+
+    def find_carrier_pose(self, kind: Literal["camera", "lidar", "radar"], number: int) -> Matrix:
+        """Find the pose (4, 4) of the agent when one of its sensors measured.
+
+        It is `world_from_agent` unless the sensor has a rate of its own.
+        """
+        if f"{kind}{number}" not in self.stamps or self.agent.place.kind == "roadside_unit":
+            return self.world_from_agent
+        sensors = self.agent.sensors
+        if kind == "camera":
+            pose, mount = self.world_from_camera(number), sensors.cameras[number].mount
+        elif kind == "lidar":
+            pose, mount = self.load_lidar_pose(number), sensors.lidars[number].mount
+        else:
+            pose, mount = self.load_radar_pose(number), sensors.radars[number].mount
+        return pose @ poses.invert_pose(carrier_from_sensor(mount))
 
     @property
     def speed_m_s(self) -> float:

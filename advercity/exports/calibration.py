@@ -66,7 +66,8 @@ def _write_calibrations(view: AgentView, folder: str, files: PieceFiles) -> None
 
 def _find_optical_pose(view: AgentView, camera: int) -> Matrix:
     """Find the pose (4, 4) of a camera's optical axes in its carrier's frame."""
-    carrier_from_body = poses.invert_pose(view.world_from_agent) @ view.world_from_camera(camera)
+    world_from_carrier = view.find_carrier_pose("camera", camera)
+    carrier_from_body = poses.invert_pose(world_from_carrier) @ view.world_from_camera(camera)
     return carrier_from_body @ poses.invert_pose(poses.OPTICAL_FROM_BODY)
 
 

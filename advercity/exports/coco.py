@@ -233,6 +233,7 @@ def _iterate_image_rows(dataset: Dataset) -> Iterator[Json]:
         for frame in scenario:
             for shot in _list_shots(frame, number):
                 width, height = sizes[shot.view.agent.id, shot.camera]
+                time_s = shot.view.stamps.get(f"camera{shot.camera}", frame.time_s)
                 yield {
                     "id": shot.id,
                     "file_name": shot.path,
@@ -242,7 +243,7 @@ def _iterate_image_rows(dataset: Dataset) -> Iterator[Json]:
                     "agent": shot.view.agent.id,
                     "camera": shot.camera,
                     "frame": frame.index,
-                    "time_s": round(frame.time_s, 6),
+                    "time_s": round(time_s, 6),
                 }
                 number += 1
 

@@ -47,41 +47,59 @@ def list_pieces(dataset: Dataset, options: Options) -> list[Piece]:
 def _write_scenario(scenario: Scenario, files: PieceFiles, encoder: type[Encoder]) -> None:
     with files.open(f"{scenario.path.name}.mcap") as stream:
         recording = encoder(stream)
+        shown: dict[str, int] = {}
         for frame in files.track(scenario):
-            _write_frame(frame, recording)
+            _write_frame(frame, recording, shown)
         recording.finish()
 
 
-def _write_frame(frame: FrameView, recording: Encoder) -> None:
+def _write_frame(frame: FrameView, recording: Encoder, shown: dict[str, int]) -> None:
+    """Write a frame; `shown` has the times of the last samples of sensors, which are noted."""
     time_ns = round(frame.time_s * 1e9)
     spec = frame.scenario.spec
     weather = WeatherTruth.from_weather(spec.weather.at(frame.index * spec.timing.tick_s))
     recording.write_weather("/weather", Stamp(time_ns, WORLD), weather.model_dump(mode="json"))
     poses = [pose for view in frame.views.values() for pose in _list_poses(view)]
-    recording.write_transforms("/tf", Stamp(time_ns, WORLD), poses)
+    stamps = {name: ns for view in frame.views.values() for name, ns in _list_stamps(view)}
+    with_frame = [pose for pose in poses if pose[0] not in stamps]
+    recording.write_transforms("/tf", Stamp(time_ns, WORLD), with_frame)
+    repeated = {name for name, stamp_ns in stamps.items() if shown.get(name) == stamp_ns}
+    shown |= stamps
+    for pose in poses:
+        if pose[0] in stamps.keys() - repeated:
+            recording.write_transforms("/tf", Stamp(stamps[pose[0]], WORLD), [pose])
+
+    def list_new(view: AgentView, kind: str, count: int) -> Iterator[tuple[int, str, Stamp]]:
+        """List number, topic and stamp of the sensors of a kind that measured."""
+        for number in range(count):
+            name = f"{view.agent.id}/{kind}{number}"
+            if name not in repeated:
+                yield number, f"/{name}", Stamp(stamps.get(name, time_ns), name)
+
     for name, view in frame.views.items():
         recording.write_objects(f"/{name}/objects", Stamp(time_ns, WORLD), view.boxes)
-        for number in range(view.cameras):
-            sensor, stamp = f"/{name}/camera{number}", Stamp(time_ns, f"{name}/camera{number}")
+        for number, sensor, stamp in list_new(view, "camera", view.cameras):
             image = _read_file(view.path(f"_camera{number}.png"))
             recording.write_image(f"{sensor}/image", stamp, image)
             recording.write_calibration(f"{sensor}/calibration", stamp, view, number)
-        for number in range(view.lidars):
-            stamp = Stamp(time_ns, f"{name}/lidar{number}")
-            recording.write_points(f"/{name}/lidar{number}/points", stamp, view.load_cloud(number))
-        for number in range(view.radars):
-            stamp = Stamp(time_ns, f"{name}/radar{number}")
-            table = view.load_radar(number)
-            recording.write_points(f"/{name}/radar{number}/detections", stamp, table)
-        for number in range(view.thermals):
-            stamp = Stamp(time_ns, f"{name}/thermal{number}")
+        for number, sensor, stamp in list_new(view, "lidar", view.lidars):
+            recording.write_points(f"{sensor}/points", stamp, view.load_cloud(number))
+        for number, sensor, stamp in list_new(view, "radar", view.radars):
+            recording.write_points(f"{sensor}/detections", stamp, view.load_radar(number))
+        for number, sensor, stamp in list_new(view, "thermal", view.thermals):
             path = view.path(f"_thermal{number}.png")
-            recording.write_image(f"/{name}/thermal{number}/image", stamp, _read_file(path))
+            recording.write_image(f"{sensor}/image", stamp, _read_file(path))
         gnss, imu = view.motion
         if gnss is not None:
             recording.write_fix(f"/{name}/gnss", Stamp(time_ns, name), gnss)
         if imu is not None:
             recording.write_imu(f"/{name}/imu", Stamp(time_ns, name), imu)
+
+
+def _list_stamps(view: AgentView) -> Iterator[tuple[str, int]]:
+    """List the sensors with rates of their own, by the names of their frames, and their times."""
+    for sensor, time_s in view.stamps.items():
+        yield f"{view.agent.id}/{sensor}", round(time_s * 1e9)
 
 
 def _read_file(path: Path) -> bytes:

@@ -66,7 +66,7 @@ class Channel:
 
     def compute_ego_from_sensor(self, scene: Scene, view: AgentView) -> Matrix:
         """Compute the sensor's pose (4, 4) in the ego frame, with the sensor's axes of nuScenes."""
-        ego_from_world = poses.invert_pose(scene.compute_world_from_ego(view))
+        ego_from_world = poses.invert_pose(scene.compute_world_from_ego(view, self))
         if self.modality == "camera":
             pose = view.world_from_camera(self.number)
             return ego_from_world @ pose @ poses.invert_pose(poses.OPTICAL_FROM_BODY)
@@ -170,9 +170,13 @@ class Scene:
         stem = f"{self.name}__{channel.name}__{compute_timestamp_us(frame)}"
         return f"{folder}/{channel.name}/{stem}.{channel.file_format}"
 
-    def compute_world_from_ego(self, view: AgentView) -> Matrix:
-        """Compute the pose (4, 4) of the ego frame."""
-        pose = view.world_from_agent
+    def compute_world_from_ego(self, view: AgentView, channel: Channel | None = None) -> Matrix:
+        """Compute the pose (4, 4) of the ego frame, in a frame or when a sensor measured."""
+        pose = (
+            view.world_from_agent
+            if channel is None
+            else view.find_carrier_pose(channel.modality, channel.number)
+        )
         if self.agent.blueprint is None:
             yaw, _, _ = poses.to_yaw_pitch_roll(pose)
             return poses.pose_matrix(pose[:3, 3], yaw=yaw)
@@ -183,6 +187,12 @@ class Scene:
 def compute_timestamp_us(frame: FrameView) -> int:
     """Compute the time of a frame since the scenario's start, in microseconds."""
     return round(frame.time_s * MICROSECONDS)
+
+
+def find_stamp_us(view: AgentView, channel: Channel) -> int | None:
+    """Find when a sensor measured, as `compute_timestamp_us`; None if with the frame."""
+    time_s = view.stamps.get(f"{channel.modality}{channel.number}")
+    return None if time_s is None else round(time_s * MICROSECONDS)
 
 
 def list_scenes(scenario: Scenario, *, only_some_are_key: bool) -> list[Scene]:

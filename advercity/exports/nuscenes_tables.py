@@ -20,6 +20,7 @@ from advercity.exports.nuscenes_scene import (
     Channel,
     Scene,
     compute_timestamp_us,
+    find_stamp_us,
     list_scenes,
     make_token,
     quaternion_of,
@@ -211,16 +212,17 @@ class _SceneWriter:
         world_from_ego = scene.compute_world_from_ego(view)
         if frame.index == scene.scenario.frame_numbers[0]:
             self._write_calibrations(view)
+        time_us = compute_timestamp_us(frame)
         ego_pose = make_token("ego_pose", scene.name, frame.index)
-        self._tables["ego_pose"].append(
-            {
-                "token": ego_pose,
-                "timestamp": compute_timestamp_us(frame),
-                **self._describe_pose(world_from_ego),
-            }
-        )
+        self._write_ego_pose(ego_pose, time_us, world_from_ego)
         for channel in scene.channels:
-            self._write_reading(frame, view, channel, ego_pose)
+            stamp_us = find_stamp_us(view, channel)
+            if stamp_us is None:
+                self._write_reading(frame, view, channel, ego_pose, time_us)
+                continue
+            pose = make_token("ego_pose", scene.name, frame.index, channel.name)
+            self._write_ego_pose(pose, stamp_us, scene.compute_world_from_ego(view, channel))
+            self._write_reading(frame, view, channel, pose, stamp_us)
         if scene.is_key(frame):
             before, after = _find_neighbours(scene.key_frames, frame.index)
             self._tables["sample"].append(
@@ -259,6 +261,10 @@ class _SceneWriter:
             "rotation": quaternion_of(world_from_body),
         }
 
+    def _write_ego_pose(self, token: str, time_us: int, world_from_ego: Matrix) -> None:
+        pose = {"token": token, "timestamp": time_us, **self._describe_pose(world_from_ego)}
+        self._tables["ego_pose"].append(pose)
+
     def _write_calibrations(self, view: AgentView) -> None:
         for channel in self._scene.channels:
             pose = channel.compute_ego_from_sensor(self._scene, view)
@@ -276,7 +282,7 @@ class _SceneWriter:
             )
 
     def _write_reading(
-        self, frame: FrameView, view: AgentView, channel: Channel, ego_pose: str
+        self, frame: FrameView, view: AgentView, channel: Channel, ego_pose: str, time_us: int
     ) -> None:
         scene = self._scene
         before, after = _find_neighbours(scene.scenario.frame_numbers, frame.index)
@@ -290,7 +296,7 @@ class _SceneWriter:
                 "sample_token": scene.make_sample_token(key),
                 "ego_pose_token": ego_pose,
                 "calibrated_sensor_token": scene.make_calibration_token(channel),
-                "timestamp": compute_timestamp_us(frame),
+                "timestamp": time_us,
                 "fileformat": channel.file_format.partition(".")[0],
                 "is_key_frame": scene.is_key(frame),
                 "height": 0 if model is None else model.height_px,

@@ -10,7 +10,7 @@ sensors' own files stay in the dataset, relative to whose folder `uri` is.
 import json
 import math
 from collections.abc import Iterable, Iterator
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from advercity_dsl import Road, Weather
@@ -164,20 +164,25 @@ def _list_intervals(numbers: Iterable[int]) -> Iterator[dict[str, int]]:
 
 
 def _list_sensors(view: AgentView) -> Iterator[tuple[str, str, Matrix]]:
-    """List name, type and pose (4, 4) in the world of an agent's sensors."""
+    """List name, type and pose (4, 4) of an agent's sensors on it."""
+
+    def place(kind: Literal["camera", "lidar", "radar"], number: int, pose: Matrix) -> Matrix:
+        return invert_pose(view.find_carrier_pose(kind, number)) @ pose
+
     for number in range(view.cameras):
         pose = view.world_from_camera(number) @ OPTICAL_FROM_BODY.T
-        yield f"camera{number}", "camera", pose
+        yield f"camera{number}", "camera", place("camera", number, pose)
     for number in range(view.lidars):
-        yield f"lidar{number}", "lidar", view.load_lidar_pose(number)
+        pose = view.load_lidar_pose(number)
+        yield f"lidar{number}", "lidar", place("lidar", number, pose)
     for number in range(view.radars):
-        yield f"radar{number}", "radar", view.load_radar_pose(number)
+        pose = view.load_radar_pose(number)
+        yield f"radar{number}", "radar", place("radar", number, pose)
 
 
 def _list_coordinate_systems(frame: FrameView) -> Iterator[tuple[str, dict[str, Any]]]:
     yield WORLD, {"type": "scene_cs", "parent": "", "children": list(frame.views)}
     for name, view in frame.views.items():
-        agent_from_world = invert_pose(view.world_from_agent)
         sensors = list(_list_sensors(view))
         children = [f"{name}/{sensor}" for sensor, _, _ in sensors]
         yield name, {"type": "local_cs", "parent": WORLD, "children": children}
@@ -188,7 +193,7 @@ def _list_coordinate_systems(frame: FrameView) -> Iterator[tuple[str, dict[str, 
                     "type": "sensor_cs",
                     "parent": name,
                     "children": [],
-                    "pose_wrt_parent": _format_matrix(agent_from_world @ pose),
+                    "pose_wrt_parent": _format_matrix(pose),
                 },
             )
 

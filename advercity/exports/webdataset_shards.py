@@ -157,6 +157,7 @@ def _describe_calibration(frame: FrameView, view: AgentView) -> dict[str, Any]:
         "agent": view.agent.id,
         "frame": frame.index,
         "time_s": frame.time_s,
+        **({"stamps": view.stamps} if view.stamps else {}),
         "world_from_agent": view.world_from_agent.tolist(),
         "world_from_lidar": [view.load_lidar_pose(n).tolist() for n in range(view.lidars)],
         "world_from_radar": [view.load_radar_pose(n).tolist() for n in range(view.radars)],

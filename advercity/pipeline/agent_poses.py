@@ -32,6 +32,7 @@ from advercity.sensors.can_bus import sample_can_bus
 from advercity.sensors.gnss import ReceiverInPlace, SkyView, measure_gnss
 from advercity.sensors.imu import ImuConditions, measure_imu
 from advercity.sensors.measurements import CanSample, GnssFix, ImuSample
+from advercity.sensors.mounts import carrier_from_sensor
 from advercity.sensors.radar import PlacedRadar
 from advercity.sensors.rolling_shutter import RollingCamera, compute_row_times
 from advercity.sensors.sample_times import SampleMoment, find_newest_sample, list_sample_times
@@ -172,7 +173,7 @@ class AgentPoses:
             carrier = poses.pose_matrix(agent.place.position_m)
         else:
             carrier = self._world_from_vehicle(agent, frame)
-        return [carrier @ _carrier_from_sensor(lidar.mount) for lidar in agent.sensors.lidars]
+        return [carrier @ carrier_from_sensor(lidar.mount) for lidar in agent.sensors.lidars]
 
     def velocity(self, agent: Agent, frame: Frame) -> Float64Array:
         """Return the velocity (3,) of an agent in the world in m/s; zero for a roadside unit."""
@@ -188,22 +189,25 @@ class AgentPoses:
             frame, states=tuple(_extrapolate_back(state, after) for state in frame.states)
         )
 
-    def world_from_cameras(self, agent: Agent, index: int, *, time_s: float = 0.0) -> list[Matrix]:
+    def world_from_cameras(
+        self, agent: Agent, frame: Frame, *, time_s: float = 0.0
+    ) -> list[Matrix]:
         """Return `world_from_camera` (4, 4) of each camera of an agent.
 
-        `time_s` is less than a tick from the instant of recorded frame `index`.
+        `time_s` is less than a tick from the frame's instant.
         """
         mounts = [item.mount for item in agent.sensors.cameras]
-        return self._world_from_mounts(agent, mounts, index, time_s)
+        shift_s = self._find_shift_s(frame) + time_s
+        return self._world_from_mounts(agent, mounts, frame.index, shift_s)
 
-    def find_rolling_camera(self, agent: Agent, camera: int, index: int) -> RollingCamera | None:
+    def find_rolling_camera(self, agent: Agent, camera: int, frame: Frame) -> RollingCamera | None:
         """Find the poses of a camera while its rows are exposed; None if all are at once."""
         kind = agent.sensors.cameras[camera].camera
         if not kind.is_rolling:
             return None
         start_s, end_s = compute_row_times(np.array([0.0, 1.0]), kind, 1).tolist()
         upper, lower = (
-            self.world_from_cameras(agent, index, time_s=time_s)[camera]
+            self.world_from_cameras(agent, frame, time_s=time_s)[camera]
             for time_s in (start_s, end_s)
         )
         return RollingCamera(end_s - start_s, upper, lower)
@@ -224,7 +228,12 @@ class AgentPoses:
         mounts = [item.mount for item in radars]
         shift_s = self._find_shift_s(frame)
         world_from_radars = self._world_from_mounts(agent, mounts, frame.index, shift_s)
-        carrier = motion.advance_pose(self.world_from_agent(agent, frame.index), shift_s)
+        is_unit = isinstance(agent.place, RoadsideUnit)
+        carrier = (
+            self.world_from_agent(agent, frame.index)
+            if is_unit
+            else self._world_from_vehicle(agent, frame)
+        )
         turn = carrier[:3, :3] @ motion.angular_rate
         return [
             PlacedRadar(
@@ -255,12 +264,12 @@ class AgentPoses:
             if time_s:
                 motion = self._find_motion(agent, self._traced(index))
                 carrier = motion.advance_pose(carrier, time_s)
-            return [carrier @ _carrier_from_sensor(mount) for mount in mounts]
+            return [carrier @ carrier_from_sensor(mount) for mount in mounts]
         upright = poses.pose_matrix(place.position_m, yaw=math.radians(place.yaw_deg))
         tilt = poses.pose_matrix(
             (0, 0, 0), pitch=math.radians(place.pitch_deg), roll=math.radians(place.roll_deg)
         )
-        return [upright @ _carrier_from_sensor(mount) @ tilt for mount in mounts]
+        return [upright @ carrier_from_sensor(mount) @ tilt for mount in mounts]
 
     def _world_from_vehicle(self, agent: Agent, frame: Frame) -> Matrix:
         try:
@@ -412,13 +421,3 @@ def _extrapolate_back(state: ActorState, after: Mapping[int, Matrix]) -> ActorSt
     now = state.world_from_body
     then = now @ poses.invert_pose(after.get(state.actor.id, now)) @ now
     return replace(state, world_from_body=then)
-
-
-def _carrier_from_sensor(mount: Mount) -> Matrix:
-    """Return the pose (4, 4) of a sensor in the frame of its carrier."""
-    return poses.pose_matrix(
-        (mount.x_m, mount.y_m, mount.z_m),
-        yaw=math.radians(mount.yaw_deg),
-        pitch=math.radians(mount.pitch_deg),
-        roll=math.radians(mount.roll_deg),
-    )

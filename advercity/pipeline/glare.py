@@ -147,13 +147,14 @@ def _compute_visibility(
     offs: list[Float64Array] = []
     views: list[NDArray[np.bool_]] = []
     for index in range(0, len(traffic.trace), FRAME_STRIDE):
-        front = poses.world_from_cameras(spec.ego, index)[0]
+        frame = poses.load_frame(index)
+        front = poses.world_from_cameras(spec.ego, frame)[0]
         directions = suns @ front[:3, :3]
         pixels = model.pixels_from_camera(directions)
         off = np.arccos(np.clip(directions[:, 0], -1.0, 1.0))
         inside = (directions[:, 0] > 0) & ((pixels > 0) & (pixels < size)).all(axis=1)
         seen = (off <= within_rad) & inside
-        raycaster.place(poses.load_frame(index), hide=frozenset({spec.ego.number}))
+        raycaster.place(frame, hide=frozenset({spec.ego.number}))
         rows = np.flatnonzero(seen)
         eyes = np.broadcast_to(front[:3, 3], (len(rows), 3)).astype(np.float32)
         rays = Rays(np.ascontiguousarray(eyes), suns[rows].astype(np.float32))

@@ -51,7 +51,7 @@ def load_sensor_frames(
         poses.build_sensor_frame(
             agent,
             frame,
-            images=tuple(_load_images(stored[agent.id], poses.world_from_cameras(agent, index))),
+            images=tuple(_load_images(stored[agent.id], poses.world_from_cameras(agent, frame))),
             scans=tuple(_load_scans(stored[agent.id], poses.world_from_lidars(agent, frame))),
             radar_scans=tuple(_load_radars(stored[agent.id], poses.place_radars(agent, frame))),
             thermal_images=tuple(
@@ -90,14 +90,18 @@ def _with_annotated_boxes(frame: Frame, annotated: Iterable[Boxes]) -> Frame:
 
 def _load_images(stored: AgentView, world_from_cameras: Sequence[Matrix]) -> Iterator[CameraImage]:
     """Load images and classes; depths and boxes are not shown, and not in every layout."""
+    stamps = stored.stamps
     for camera, world_from_camera in enumerate(world_from_cameras):
-        semantic = stored.semantic(camera)
+        semantic, time_s = stored.semantic(camera), stamps.get(f"camera{camera}")
         yield CameraImage(
-            world_from_camera=world_from_camera,
+            world_from_camera=(
+                world_from_camera if time_s is None else stored.world_from_camera(camera)
+            ),
             image=stored.image(camera),
             semantic=semantic,
             depth_cm=np.full(semantic.shape, MAX_DEPTH_CM, np.uint16),
             projected_boxes={},
+            time_s=time_s,
         )
 
 

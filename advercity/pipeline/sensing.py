@@ -47,6 +47,7 @@ from advercity.sensors.lidar import (
 from advercity.sensors.measurements import GnssFix, OpticalFlow
 from advercity.sensors.optical_flow import CameraMotion, build_point_mover, measure_optical_flow
 from advercity.sensors.radar import PlacedRadar, SceneMotion, scan_radar
+from advercity.sensors.sample_times import SampleMoment
 from advercity.sensors.sensor_frame import (
     CameraImage,
     LidarScan,
@@ -87,7 +88,8 @@ class SensorRig:
         self._sky = SkyView(self._raycaster)
         self._conditions_by_frame, self._conditions = conditions, conditions.at(0)
         self._placed_frame: Frame | None = None
-        self._light_sources: tuple[LightSource, ...] = ()
+        self._sampled_frames: dict[SampleMoment, Frame] = {}
+        self._light_sources: dict[float, tuple[LightSource, ...]] = {}
         self._hull_points = build_hull_point_lookup(world.bodies)
         self._move_points = build_point_mover(world.bodies)
         trace = prepared.traffic.trace
@@ -114,7 +116,8 @@ class SensorRig:
         """Render the image (h, w, 3), RGB, of one camera alone in recorded frame `index`."""
         frame = self._place_frame(index)
         capture = self._capture_moments(agent, [camera], frame)[0]
-        return self._render_image(capture, agent, camera, frame).image
+        sampled = self._find_camera_frame(agent, camera, frame)
+        return self._render_image(capture, agent, camera, sampled).image
 
     def capture_camera(self, agent: Agent, camera: int, index: int) -> CameraCapture:
         """Render the light that arrives at one camera alone in recorded frame `index`."""
@@ -134,7 +137,7 @@ class SensorRig:
             [
                 build_camera_view(agent, camera, pose, self._profile)
                 for agent in agents
-                for camera, pose in enumerate(self._poses.world_from_cameras(agent, frame.index))
+                for camera, pose in enumerate(self._poses.world_from_cameras(agent, frame))
             ]
         )
 
@@ -142,11 +145,23 @@ class SensorRig:
         self, agent: Agent, cameras: Sequence[int], frame: Frame
     ) -> list[CameraCapture]:
         """Render the light at some cameras of an agent, at all moments of their images."""
+        frames = {camera: self._find_camera_frame(agent, camera, frame) for camera in cameras}
+        captures: dict[int, CameraCapture] = {}
+        for time_s, sampled in {one.time_s: one for one in frames.values()}.items():
+            together = [camera for camera in cameras if frames[camera].time_s == time_s]
+            found = self._capture_together(agent, together, sampled)
+            captures |= dict(zip(together, found, strict=True))
+        return [captures[camera] for camera in cameras]
+
+    def _capture_together(
+        self, agent: Agent, cameras: Sequence[int], frame: Frame
+    ) -> list[CameraCapture]:
+        """Render the light at cameras that take their images at one time."""
         blenders = {camera: self._build_blender(agent, camera, frame) for camera in cameras}
         instants = set[Instant]().union(*(one.instants for one in blenders.values()))
         for instant in sorted(instants, key=lambda one: (one.time_s, one.exposure_s or 0.0)):
             self._place_actors(self._advance_frame(frame, instant))
-            poses_now = self._poses.world_from_cameras(agent, frame.index, time_s=instant.time_s)
+            poses_now = self._poses.world_from_cameras(agent, frame, time_s=instant.time_s)
             shown = [camera for camera in cameras if instant in blenders[camera].instants]
             captures = self._renderer.render_cameras(
                 [
@@ -199,9 +214,16 @@ class SensorRig:
             self._placed_frame = None
         frame = self._fit_boxes(self._poses.load_frame(index))
         self._place_actors(frame)
-        is_night = atmosphere.night
-        self._light_sources = tuple(list_light_sources(self._world, frame)) if is_night else ()
+        self._sampled_frames, self._light_sources = {}, {}
         return frame
+
+    def _find_light_sources(self, frame: Frame) -> tuple[LightSource, ...]:
+        """Find the lamps that light the scene at a time; none by day."""
+        if not self._conditions.atmosphere.night:
+            return ()
+        if frame.time_s not in self._light_sources:
+            self._light_sources[frame.time_s] = tuple(list_light_sources(self._world, frame))
+        return self._light_sources[frame.time_s]
 
     def _build_sensor_frame(
         self,
@@ -261,9 +283,17 @@ class SensorRig:
         if sensor.rate_hz is None:
             return frame
         moment = self._poses.find_sample(agent, name, sensor, frame.index)
-        if moment.frame != frame.index:
-            frame = self._fit_boxes(self._poses.load_frame(moment.frame))
-        return frame.advance(moment.shift_s) if moment.shift_s else frame
+        if moment not in self._sampled_frames:
+            if moment.frame != frame.index:
+                frame = self._fit_boxes(self._poses.load_frame(moment.frame))
+            shifted = frame.advance(moment.shift_s) if moment.shift_s else frame
+            self._sampled_frames[moment] = shifted
+        return self._sampled_frames[moment]
+
+    def _find_camera_frame(self, agent: Agent, camera: int, frame: Frame) -> Frame:
+        """Find the moment that a camera's image shows."""
+        kind = agent.sensors.cameras[camera].camera
+        return self._find_sampled_frame(agent, f"camera{camera}", kind, frame)
 
     def _cast_scan(self, agent: Agent, index: int, frame: Frame) -> ScanHits:
         lidar = agent.sensors.lidars[index]
@@ -325,13 +355,14 @@ class SensorRig:
     def _capture_images(
         self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]
     ) -> Iterator[CameraImage]:
-        for camera, pose in enumerate(self._poses.world_from_cameras(agent, frame.index)):
+        for camera, mounted in enumerate(agent.sensors.cameras):
+            kind, sampled = mounted.camera, self._find_camera_frame(agent, camera, frame)
+            pose = self._poses.world_from_cameras(agent, sampled)[camera]
             capture, model = next(captures), build_camera_model(agent, camera, self._profile)
-            exposed = self._render_image(capture, agent, camera, frame)
+            exposed = self._render_image(capture, agent, camera, sampled)
             lens_map = build_lens_map(model)
             seen = capture if lens_map is None else lens_map.select(capture)
-            kind = agent.sensors.cameras[camera].camera
-            rolling = self._poses.find_rolling_camera(agent, camera, frame.index)
+            rolling = self._poses.find_rolling_camera(agent, camera, sampled)
             row_poses = rolling.find_row_poses(model.height_px) if rolling else pose[None]
             yield CameraImage(
                 world_from_camera=pose,
@@ -343,7 +374,7 @@ class SensorRig:
                     seen.instance,
                     pose,
                     model,
-                    frame,
+                    sampled,
                     self._hull_points,
                     hide=_carrier_ids(agent),
                     rolling=rolling,
@@ -358,6 +389,7 @@ class SensorRig:
                 hdr=exposed.hdr,
                 raw=exposed.raw,
                 readout=exposed.readout if kind.hdr or kind.raw else None,
+                time_s=_find_stamp(kind, sampled),
             )
 
     def _measure_flow(
@@ -366,9 +398,7 @@ class SensorRig:
         after = self._poses.next_frame(frame)
         if after is None:
             return OpticalFlow.build_unknown((model.height_px, model.width_px))
-        now, then = (
-            self._poses.world_from_cameras(agent, one.index)[camera] for one in (frame, after)
-        )
+        now, then = (self._poses.world_from_cameras(agent, one)[camera] for one in (frame, after))
         self._raycaster.place(after, hide=_carrier_ids(agent))
         motion = CameraMotion(model, (now, then), (frame, after))
         return measure_optical_flow(seen, motion, self._raycaster, self._move_points)
@@ -388,13 +418,13 @@ class SensorRig:
         )
 
     def _build_exposure(self, agent: Agent, camera: int, frame: Frame) -> CameraExposure:
-        pose = self._poses.world_from_cameras(agent, frame.index)[camera]
+        pose = self._poses.world_from_cameras(agent, frame)[camera]
         return CameraExposure(
             view=build_camera_view(agent, camera, pose, self._profile),
             camera=agent.sensors.cameras[camera].camera,
             frame=frame,
             velocity=self._poses.velocity(agent, frame),
-            light_sources=self._light_sources,
+            light_sources=self._find_light_sources(frame),
             lens_map=build_lens_map(build_camera_model(agent, camera, self._profile)),
         )
 

@@ -75,7 +75,8 @@ class CameraImage:
         hdr: (h, w, 3) uint16, linear; None if the rig does not ask.
         raw: (h, w) uint16, of the sensor's pixels; None if the rig does not ask.
         readout: What the values of `hdr` and `raw` mean; None if the rig asks for neither.
-        rolling: Poses while the rows are exposed; None if all are at the frame's instant.
+        rolling: Poses while the rows are exposed; None if all are at once.
+        time_s: When it was taken, as of a `LidarScan`.
     """
 
     world_from_camera: Matrix
@@ -90,6 +91,7 @@ class CameraImage:
     raw: NDArray[np.uint16] | None = None
     readout: CameraReadout | None = None
     rolling: RollingCamera | None = None
+    time_s: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,6 +200,7 @@ class SensorFrame:
     def stamps(self) -> dict[str, float]:
         """When sensors with rates of their own measured, as `Frame.time_s`, by name."""
         kinds = {
+            "camera": self.camera_images,
             "lidar": self.lidar_scans,
             "radar": self.radar_scans,
             "thermal": self.thermal_images,

@@ -168,8 +168,11 @@ TruthImage = Literal["instance", "normal", "flow"]
 """An image of truth that a camera may have."""
 
 
-class Camera(CompactModel):
-    """A camera; the semantic camera has the same pose, size, field of view and lens."""
+class Camera(Sampled):
+    """A camera; the semantic camera has the same pose, size, field of view and lens.
+
+    Without a rate it takes an image with every frame.
+    """
 
     width_px: Annotated[Count, Field(ge=16, le=8192)] = 1920
     """Image width."""
@@ -262,6 +265,14 @@ class Camera(CompactModel):
         return self
 
     @model_validator(mode="after")
+    def _check_flow_rate(self) -> Self:
+        if "flow" in self.truth and self.rate_hz is not None:
+            message = "cannot be measured for a camera with a rate of its own"
+            hint = "leave out `flow`, or `rate_hz`"
+            raise InvalidCombination(("truth",), message, hint, other_path=("rate_hz",))
+        return self
+
+    @model_validator(mode="after")
     def _check_blurred_time(self) -> Self:
         has_blur = self.shutter is not None and self.shutter.blur_samples > 1
         if has_blur and self.exposure.shutter_s > MAX_BLURRED_S:
@@ -286,7 +297,8 @@ class Camera(CompactModel):
     @property
     def has_moments(self) -> bool:
         """Whether its images show other moments than the frame's instant without flicker."""
-        return self.renders > 1 or (self.shutter is not None and self.shutter.led_flicker)
+        has_flicker = self.shutter is not None and self.shutter.led_flicker
+        return self.renders > 1 or has_flicker or self.rate_hz is not None
 
     @property
     def is_metered_first(self) -> bool:
@@ -475,6 +487,13 @@ class SensorSet(Model):
         """All thermal cameras, by their numbers in a dataset."""
         kind = self.thermal
         return () if kind is None else tuple(MountedThermal(kind, item) for item in kind.mounts)
+
+    @property
+    def has_rates(self) -> bool:
+        """Whether a sensor has images, scans or detections at a rate of its own."""
+        cameras = [self.camera, *self.more_cameras.values()]
+        kinds = [*cameras, *self.lidars, self.radar, self.thermal]
+        return any(kind is not None and kind.rate_hz is not None for kind in kinds)
 
 
 class Rig(Declaration):

@@ -1,5 +1,7 @@
-"""LiDARs, radars and thermal cameras with rates of their own, from the declaration to readers."""
+"""Cameras, LiDARs and radars with rates of their own, from the declaration to readers."""
 
+import json
+import math
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +14,8 @@ from advercity.compiler.crossing import compile_library
 from advercity.dataset.reader import Scenario
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError
+from advercity.exports.exporting import export_dataset
+from advercity.geometry.poses import invert_pose
 from advercity.pipeline import RunOptions, run_scenario
 from advercity.pipeline.replay import write_recording
 from advercity.testing import hash_tree
@@ -24,6 +28,8 @@ kind: rig
 id: rated
 vehicle:
   camera: {width_px: 16, height_px: 16, mounts: [{z_m: 2}]}
+  more_cameras:
+    slow: {width_px: 16, height_px: 16, mounts: [{x_m: 1, z_m: 2}], rate_hz: 5, offset_ms: 40}
   lidar: {mount: {z_m: 3}, channels: 4, azimuths: 64, range_m: 50, {lidar}}
   more_lidars:
     as_frames: {mount: {z_m: 3}, channels: 4, azimuths: 64, range_m: 50, rate_hz: 10}
@@ -96,6 +102,71 @@ def test_a_frame_without_a_new_scan_has_the_last_one(dataset: Path) -> None:
         behind = np.linalg.norm(view.world_from_agent[:2, 3] - poses[row][:2, 3])
         late_s = scenario[row].time_s - stamps[row]
         assert behind == pytest.approx(view.speed_m_s * late_s, abs=0.05)
+
+
+def test_a_slow_camera_repeats_its_image_every_second_frame(dataset: Path) -> None:
+    scenario = Scenario(dataset)
+    stamps = scenario.load_stamps("cav1")
+    np.testing.assert_array_equal(stamps["camera1"], stamps["lidar0"])
+    views = [frame["cav1"] for frame in scenario]
+    for camera, kept in ((0, [False] * 4), (1, [False, True, False, True])):
+        # Noise of the sensor is all that an even scene shows.
+        images = [view.path(f"_camera{camera}.png").read_bytes() for view in views]
+        assert [images[a] == images[a + 1] for a in range(4)] == kept, camera
+        places = [view.world_from_camera(camera)[0, 3] for view in views]
+        assert [places[a] == places[a + 1] for a in range(4)] == kept
+
+
+def test_exports_have_the_times_of_samples_and_the_mounts_of_sensors(
+    dataset: Path, tmp_path: Path
+) -> None:
+    scenario = Scenario(dataset)
+    view, late_s = scenario[4]["cav1"], 0.16
+    behind = invert_pose(view.world_from_agent) @ view.world_from_camera(1)
+    assert behind[0, 3] == pytest.approx(1 - late_s * view.speed_m_s, abs=0.05)
+    output = export_dataset("nuscenes", dataset.parent, tmp_path / "nuscenes").output
+    rows = {
+        name: json.loads((output / "v1.0-trainval" / f"{name}.json").read_text())
+        for name in ("sample_data", "ego_pose", "calibrated_sensor", "sensor")
+    }
+    by_token = {row["token"]: row for table in rows.values() for row in table}
+    (sensor,) = (one["token"] for one in rows["sensor"] if one["channel"] == "CAM_FRONT_2")
+    (mounted,) = (one for one in rows["calibrated_sensor"] if one["sensor_token"] == sensor)
+    # The ego frame is at the rear axle.
+    ahead_m, left_m, up_m = mounted["translation"]
+    assert ahead_m > 2
+    np.testing.assert_allclose((left_m, up_m), (0, 2), atol=1e-6)
+    taken = [
+        one for one in rows["sample_data"] if one["calibrated_sensor_token"] == mounted["token"]
+    ]
+    stamps_us = np.round(scenario.load_stamps("cav1")["camera1"] * 1e6)
+    assert [one["timestamp"] for one in taken] == stamps_us.tolist()
+    assert [by_token[one["ego_pose_token"]]["timestamp"] for one in taken] == stamps_us.tolist()
+    ego = by_token[taken[4]["ego_pose_token"]]["translation"]
+    now = next(
+        one
+        for one in rows["ego_pose"]
+        if one["timestamp"] == round(scenario[4].time_s * 1e6)
+        and math.dist(one["translation"], ego) < 10
+    )
+    assert math.dist(now["translation"], ego) == pytest.approx(late_s * view.speed_m_s, abs=0.05)
+    output = export_dataset("coco", dataset.parent, tmp_path / "coco").output
+    images = json.loads((output / "annotations" / "instances.json").read_text())["images"]
+    own = [one for one in images if (one["agent"], one["camera"]) == ("cav1", 1)]
+    assert [round(one["time_s"] * 1e6) for one in own] == stamps_us.tolist()
+
+
+def test_recordings_have_each_sample_once_at_its_time(dataset: Path, tmp_path: Path) -> None:
+    reader = pytest.importorskip("mcap.reader")
+    output = export_dataset("mcap", dataset.parent, tmp_path / "mcap").output
+    with next(output.glob("*.mcap")).open("rb") as stream:
+        opened = reader.make_reader(stream)
+        found = [
+            message.log_time
+            for _, _, message in opened.iter_messages(topics=["/cav1/camera1/image"])
+        ]
+    stamps = Scenario(dataset).load_stamps("cav1")["camera1"]
+    assert found == np.unique(np.round(stamps * 1e9).astype(np.int64)).tolist()
 
 
 def test_the_nearest_scan_is_found_by_time(dataset: Path) -> None:

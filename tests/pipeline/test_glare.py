@@ -42,10 +42,11 @@ def test_the_ego_sees_the_sun_for_more_than_half_of_its_route(
     down = across * camera.height_px / camera.width_px
     seen: list[bool] = []
     for index in range(0, len(stage.trace), STEP):
-        front = viewpoints.world_from_cameras(ego, index)[0]
+        frame = viewpoints.load_frame(index)
+        front = viewpoints.world_from_cameras(ego, frame)[0]
         ahead, left, up = front[:3, :3].T @ sun
         in_view = ahead > 0.0 and abs(left) < across * ahead and abs(up) < down * ahead
-        caster.place(viewpoints.load_frame(index), hide=frozenset({ego.number}))
+        caster.place(frame, hide=frozenset({ego.number}))
         ray = Rays(front[None, :3, 3].astype(np.float32), sun[None].astype(np.float32))
         seen.append(in_view and bool(np.isinf(caster.cast(ray, FARTHEST_M).range_m[0])))
     assert np.mean(seen) > 0.5

@@ -1,4 +1,4 @@
-"""Rolling shutters and blur against leans and ramps computed by hand, through a scenario's rig."""
+"""Rolling shutters, blur and rates against places computed by hand, through a scenario's rig."""
 
 import math
 from dataclasses import replace
@@ -173,6 +173,44 @@ def test_boxes_and_points_land_on_rolling_pictures(lens: KannalaBrandtLens | Non
     np.testing.assert_allclose((*pixels.min(axis=0), *pixels.max(axis=0)), found, atol=1)
 
 
+def test_a_camera_50_ms_behind_the_frame_shows_where_a_car_was() -> None:
+    shown = [
+        capture(make_camera(None, truth=("instance",), **rate), crossing())
+        for rate in ({}, {"rate_hz": 10, "offset_ms": 50})
+    ]
+    # It drives to the left, so it was 0.75 m further to the right: 22.4 pixels.
+    moved_px = FOCAL_PX * SPEED_M_S * 0.05 / DISTANCE_M
+    now, then = (find_edges(image, 80)[0] for image in shown)
+    assert then - now == pytest.approx(moved_px, abs=1)
+    now, then = (image.projected_boxes[OTHER].outline_box[0] for image in shown)
+    assert then - now == pytest.approx(moved_px, abs=1e-3)
+    assert [image.time_s for image in shown] == [None, pytest.approx(0.05)]
+
+
+def test_rolling_images_between_frames_are_of_one_motion() -> None:
+    """Braking and turning cars are where a car that is advanced once would be."""
+    trace = make_trace(
+        {"id": EGO, "vx": 12.0, "ax": -6.0, "yaw_rate": -0.5, "speed": 12.0},
+        {"id": OTHER, "x": 20.0, "y": 2.0, "yaw": 2.5, "vx": -9.0, "vy": 7.0, "ay": 8.0},
+    )
+    rate = {"rate_hz": 10, "offset_ms": 40}
+    camera = make_camera(FINE, truth=("instance",), mounts=(DOWN,), **rate)
+    rig, renderer, _ = open_rig(camera, trace)
+    image = rig.capture_frame(1)[0].camera_images[0]
+    box = image.projected_boxes[OTHER]
+    assert box.visible_box is not None
+    np.testing.assert_allclose(box.outline_box, box.visible_box, atol=1)
+    assert image.rolling is not None
+    frame = renderer.frames[0]
+    for placed in renderer.frames[1:]:
+        once = frame.advance(placed.time_s - frame.time_s).get_state(OTHER)
+        found = placed.get_state(OTHER)
+        np.testing.assert_allclose(found.world_from_body, once.world_from_body, atol=1e-9)
+    assert renderer.times_s[1:] == pytest.approx(
+        0.04 + READOUT_MS / 1000 * ((np.arange(40) + 0.5) / 40 - 0.5), abs=1e-9
+    )
+
+
 def test_a_scene_at_rest_is_that_of_a_global_shutter() -> None:
     trace = make_trace({"id": EGO}, {"id": OTHER, "x": 12.0, "y": 1.0})
     rolling, still = (
@@ -305,6 +343,7 @@ def test_readers_and_calibrations_have_the_times_of_rows(tmp_path: Path) -> None
     ("fields", "message"),
     [
         ({"shutter": {"bands": 4}}, "has no effect without readout_ms"),
+        ({"truth": ("flow",), "rate_hz": 10}, "camera with a rate of its own"),
         ({"shutter": {"blur_samples": 4}}, "is even"),
         ({"shutter": {"blur_samples": 3}, "exposure": {"shutter_s": 0.2}}, "longer than 0.1 s"),
         ({"shutter": {"readout_ms": 120}}, "less than or equal to 100"),

@@ -1,0 +1,18 @@
+"""Where sensors are on their carriers."""
+
+import math
+
+from advercity_dsl import Mount
+
+from advercity.geometry import poses
+from advercity.geometry.poses import Matrix
+
+
+def carrier_from_sensor(mount: Mount) -> Matrix:
+    """Return the pose (4, 4) of a sensor in the frame of its carrier, in body axes."""
+    return poses.pose_matrix(
+        (mount.x_m, mount.y_m, mount.z_m),
+        yaw=math.radians(mount.yaw_deg),
+        pitch=math.radians(mount.pitch_deg),
+        roll=math.radians(mount.roll_deg),
+    )
