@@ -3,17 +3,23 @@
 Rows are exposed from the top at an even pace; the middle of the image at the frame's instant.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from advercity_dsl import Camera
 
-from advercity.frames import ActorState
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array, FloatArray
 from advercity.geometry.poses import Matrix
 from advercity.sensors.camera_model import CameraModel
+
+if TYPE_CHECKING:
+    from advercity_dsl import Camera
+
+    from advercity.frames import ActorState
 
 ROUNDS = 5
 """Rounds in which a point finds its row; each leaves as much of the error before as the point moves
