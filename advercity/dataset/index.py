@@ -28,6 +28,7 @@ from advercity.dataset.scenario_folders import (
     SPLITS_FILE,
     check_folders_are_no_links,
     check_is_outside_datasets,
+    check_is_outside_exports,
     find_scenarios_by_name,
     find_staging_folder,
 )
@@ -252,13 +253,14 @@ def link_splits(
 
     Raises:
         InputError: Two scenarios have one name, a road belongs to no split, or to two, or `output`
-            is in a dataset, or has a `splits.json` or a link that was not made by this, or
-            something else there; nothing is changed then.
+            is in a dataset or an export, or has a `splits.json` or a link that was not made by
+            this, or something else there; nothing is changed then.
         RunError: The links cannot be made.
     """
     split_of = _map_roads_to_splits(roads)
     folders = find_scenarios_by_name(dataset)
     check_is_outside_datasets(output)
+    check_is_outside_exports(output)
     found: dict[str, list[str]] = {name: [] for name in roads}
     for name, folder in folders.items():
         road = Manifest.load(folder).spec.road.id

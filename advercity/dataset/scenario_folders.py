@@ -9,12 +9,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from advercity.documents import suggest_path
+from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes, suggest_path
 from advercity.errors import InputError, RunError
 
 MANIFEST_FILE = "manifest.json"
 PROTOCOL_FILE = "data_protocol.yaml"  # name that OPV2V has for it
 SPLITS_FILE = "splits.json"
+EXPORT_FILE = "export.json"
 STAGING_FOLDER = ".staging"
 MANIFEST_VERSION: Final = 5
 """Version of the manifest's fields that this code writes and reads."""
@@ -126,6 +127,33 @@ def check_is_outside_scenarios(output: Path) -> None:
                 f"`output` {output}: is {place} of another dataset; name that dataset, {dataset},"
                 " or another folder"
             )
+
+
+def check_is_outside_exports(output: Path, *, may_be_one: bool = False) -> None:
+    """Check that a folder to be written is not in an export, whose files a manifest lists.
+
+    Args:
+        output: The folder.
+        may_be_one: Whether it may be an export itself.
+
+    Raises:
+        InputError: It is.
+    """
+    for path in (output.absolute(), output.resolve()):
+        if not may_be_one and _is_export(path):
+            raise InputError(f"`output` {output}: is an export; name a folder beside it")
+        if any(map(_is_export, path.parents)):
+            raise InputError(f"`output` {output}: is in an export; name a folder beside it")
+
+
+def _is_export(folder: Path) -> bool:
+    """Return whether a folder is an export; programs of others have manifests of that name."""
+    path = folder / EXPORT_FILE
+    try:
+        document = parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path)
+    except (InputError, OSError):
+        return False
+    return isinstance(document, dict) and "export_version" in document
 
 
 def is_scenario(folder: Path) -> bool:

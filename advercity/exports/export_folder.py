@@ -1,7 +1,7 @@
 """The folder of an export, in which a piece is whole or absent, whatever cuts the export short."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Self
@@ -27,7 +27,12 @@ from advercity.dataset.partial_files import (
     report_disk_errors,
     set_aside,
 )
-from advercity.dataset.scenario_folders import STAGING_FOLDER, check_is_outside_datasets
+from advercity.dataset.scenario_folders import (
+    EXPORT_FILE,
+    STAGING_FOLDER,
+    check_is_outside_datasets,
+    check_is_outside_exports,
+)
 from advercity.dataset.verification import (
     FileProblem,
     compare_with_records,
@@ -37,7 +42,6 @@ from advercity.dataset.verification import (
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import InputError, RunError
 from advercity.exports.export_manifest import (
-    EXPORT_FILE,
     ExportManifest,
     ExportPath,
     ExportRecord,
@@ -66,13 +70,12 @@ class _JournalEntry(Model):
 class ExportFolder:
     """Opens the folder of an export, writes pieces, and keeps the manifest; a context manager.
 
-    Entering it finds the pieces that are done, and removes those that the dataset no longer gives.
-    Leaving it, also after an error, writes the manifest.
+    Entering it changes no file there; `start` does. Leaving it, also after an error, then writes
+    the manifest.
 
     Args:
         path: The folder.
         manifest: What is exported, without files.
-        pieces: All pieces of the export.
         fresh: Remove what exports have written there and start over.
 
     Raises:
@@ -80,19 +83,14 @@ class ExportFolder:
         RunError: It has another export, another process is writing it, or the disk refuses.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        manifest: ExportManifest,
-        pieces: Iterable[Piece],
-        *,
-        fresh: bool = False,
-    ) -> None:
+    def __init__(self, path: Path, manifest: ExportManifest, *, fresh: bool = False) -> None:
         self.path = path
         self._manifest = manifest
-        self._wanted = {piece.name: piece.inputs for piece in pieces}
+        self._wanted: dict[str, str] = {}
         self._fresh = fresh
         self._is_new = not path.exists()
+        self._is_started = False
+        self._is_moving = False
         self._done: dict[str, str] = {}
         self._files: dict[str, ExportRecord] = {}
 
@@ -117,26 +115,61 @@ class ExportFolder:
             self._lock = lock_file(self.path / LOCK_FILE, "this export")
             with ExitStack() as on_error:
                 on_error.callback(self._close)
-                self._open()
+                self._former = ExportManifest.load(self.path)
+                if self._former is not None and not self._fresh:
+                    self._manifest.check_continues(self._former, self.path)
                 on_error.pop_all()
         return self
 
+    def start(self, pieces: Iterable[Piece], edited: Mapping[str, str]) -> None:
+        """Find the pieces that are done, and remove those that the dataset no longer gives.
+
+        Args:
+            pieces: All pieces of the export.
+            edited: Checksums of edited files, as in the manifest.
+
+        Raises:
+            RunError: A folder of the export is a link, or the disk refuses.
+        """
+        self._wanted = {piece.name: piece.inputs for piece in pieces}
+        self._manifest = self._manifest.model_copy(update={"edited": dict(edited)})
+        with report_disk_errors(self.path):
+            remove_abandoned_partials(self.path / STAGING_FOLDER, max_age_s=math.inf)
+            if self._former is not None:
+                self._adopt(self._former, _read_journal(self.path))
+            self._save(complete=False)
+        self._is_started = True
+
     def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         try:
-            with report_disk_errors(self.path):
-                is_complete = error is None and self._done.keys() == self._wanted.keys()
-                self._save(complete=is_complete)
-                if error is not None and not self._done:
-                    (self.path / EXPORT_FILE).unlink()  # nothing was exported
+            if self._is_started:
+                with report_disk_errors(self.path):
+                    is_complete = error is None and self._done.keys() == self._wanted.keys()
+                    self._save(complete=is_complete)
+                    if error is not None and not self._has_begun:
+                        (self.path / EXPORT_FILE).unlink()  # nothing was exported
         finally:
             self._close()
 
-    def write_piece(self, piece: Piece, on_frame: FrameListener) -> None:
+    @property
+    def _has_begun(self) -> bool:
+        """Whether the folder has, or had, files of an export."""
+        return self._former is not None or bool(self._done) or self._is_moving
+
+    def write_piece(
+        self, piece: Piece, on_frame: FrameListener, check_inputs: Callable[[Piece], None]
+    ) -> None:
         """Write a piece.
+
+        Args:
+            piece: The piece.
+            on_frame: Called for each frame of it.
+            check_inputs: Raises an error if what the piece was made from is no longer the same.
 
         Raises:
             InputError: A file of the dataset is missing or damaged; the piece is absent then.
-            RunError: The disk is full or not writable; the piece is absent then, too.
+            RunError: The disk is full or not writable, or something else is where a file belongs;
+                the piece is absent then, too.
         """
         with (
             report_disk_errors(self.path),
@@ -144,10 +177,13 @@ class ExportFolder:
         ):
             files = PieceFiles(partial, on_frame)
             piece.write(files)
+            check_inputs(piece)
             records = files.records
             assert self._files.keys().isdisjoint(records), f"{piece.name}: a file of another piece"
             self._check_no_links(records)
+            self._check_places(records)
             # Whatever cuts the moving short, the next export knows which files are this one's.
+            self._is_moving = True
             journal = self._append_to_journal(piece, records, moved=False)
             sync_files([*(partial / path for path in records), journal, journal.parent])
             set_aside(self.path, records)
@@ -158,6 +194,7 @@ class ExportFolder:
             sync_files([entry])
         self._done[piece.name] = piece.inputs
         self._files |= _name_piece(records, piece.name)
+        self._is_moving = False
 
     def _append_to_journal(
         self, piece: Piece, records: Mapping[str, FileRecord], *, moved: bool
@@ -170,16 +207,6 @@ class ExportFolder:
         with open(path, "ab", buffering=0, opener=open_without_links) as stream:
             stream.write(entry.model_dump_json(exclude_none=True).encode() + b"\n")
         return path
-
-    def _open(self) -> None:
-        remove_abandoned_partials(self.path / STAGING_FOLDER, max_age_s=math.inf)
-        former = ExportManifest.load(self.path)
-        entries = _read_journal(self.path)
-        if former is not None:
-            if not self._fresh:
-                self._manifest.check_continues(former, self.path)
-            self._adopt(former, entries)
-        self._save(complete=False)
 
     def _adopt(self, former: ExportManifest, entries: list[_JournalEntry]) -> None:
         """Keep what is whole and still wanted, and remove the other files of former exports."""
@@ -229,6 +256,21 @@ class ExportFolder:
                     f"{self.path / folder}: is a link; an export is written in real folders only"
                 )
 
+    def _check_places(self, paths: Collection[str]) -> None:
+        """Refuse to write where folders of others are files of the export, or the reverse."""
+        for path in map(self.path.joinpath, paths):
+            if path.is_dir() and not path.is_symlink():
+                raise RunError(
+                    f"{path}: is a folder where the export has a file; rename the folder, or choose"
+                    " another `output`"
+                )
+        for folder in map(self.path.joinpath, _list_folders(paths)):
+            if folder.exists() and not folder.is_dir():
+                raise RunError(
+                    f"{folder}: is a file where the export has a folder; rename the file, or choose"
+                    " another `output`"
+                )
+
     def _save(self, *, complete: bool) -> None:
         manifest = self._manifest.model_copy(
             update={
@@ -246,8 +288,10 @@ class ExportFolder:
             write_file(partial, manifest.to_json())
             sync_files([partial])
             move_file(partial, self.path / EXPORT_FILE)
-        # Only now: the journal is the record until the manifest has its pieces.
-        (self.path / JOURNAL_FILE).unlink(missing_ok=True)
+        # Only now: the journal is the record until the manifest has its pieces, and of the files of
+        # a piece whose moving was cut short it alone says whose they are.
+        if not self._is_moving:
+            (self.path / JOURNAL_FILE).unlink(missing_ok=True)
 
     def _close(self) -> None:
         with suppress(OSError):  # the folder stays if anything else is in it
@@ -262,13 +306,14 @@ def check_export_folder(path: Path) -> None:
     """Check that a folder is free for an export, or has one.
 
     Raises:
-        InputError: It is a file, holds other things, or is in a dataset.
+        InputError: It is a file, holds other things, or is in a dataset or another export.
     """
     if path.is_symlink() and not path.exists():
         raise InputError(f"`output` {path}: is a link to {path.readlink()}, which is not there")
     if path.exists() and not path.is_dir():
         raise InputError(f"`output` {path}: is a file; name a folder")
     check_is_outside_datasets(path)
+    check_is_outside_exports(path, may_be_one=True)
     if path.is_dir() and not is_export(path):
         own = path / STAGING_FOLDER
         if any(

@@ -1,9 +1,7 @@
 """The manifest of an export: what it was made from, and every file with its checksum."""
 
 import hashlib
-from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Literal
 
 from advercity_dsl import Model
@@ -14,12 +12,12 @@ from advercity import __version__
 from advercity.dataset.manifest import CODE_PACKAGES
 from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.reader import Dataset
+from advercity.dataset.scenario_folders import EXPORT_FILE
 from advercity.digests import compute_source_digest
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import RunError, describe_cause
 from advercity.exports.pieces import PATH_PATTERN
 
-EXPORT_FILE = "export.json"
 OTHER_SOURCE_HINT = "`fresh` starts over, another `output` leaves it alone"
 
 
@@ -71,12 +69,7 @@ class ExportManifest(Model):
     files: dict[ExportPath, ExportRecord] = Field(default_factory=dict[str, ExportRecord])
 
     @staticmethod
-    def for_dataset(
-        dataset: Dataset,
-        format: str,
-        options: dict[str, str],
-        edited: Mapping[str, str] = MappingProxyType({}),
-    ) -> "ExportManifest":
+    def for_dataset(dataset: Dataset, format: str, options: dict[str, str]) -> "ExportManifest":
         """Describe the export of a dataset by this version of advercity, without files."""
         return ExportManifest(
             format=format,
@@ -89,7 +82,6 @@ class ExportManifest(Model):
                 ).hexdigest()
                 for one in dataset.scenarios
             },
-            edited=dict(edited),
         )
 
     def check_continues(self, former: "ExportManifest", where: Path) -> None:

@@ -1,25 +1,23 @@
 """Exports a dataset: what is missing of it is written, piece by piece."""
 
-import hashlib
 import logging
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from advercity.dataset.agent_view import MAX_IMAGE_BYTES, report_read_errors
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.partial_files import is_being_written
 from advercity.dataset.reader import Dataset, Scenario
-from advercity.dataset.scenario_folders import no_frames_error
-from advercity.dataset.verification import compare_with_index, verify_scenario
+from advercity.dataset.scenario_folders import EXPORT_FILE, no_frames_error
+from advercity.dataset.verification import compare_with_index
 from advercity.digests import compute_json_digest
-from advercity.documents import read_bytes
-from advercity.errors import InputError, RunError
+from advercity.errors import InputError, RunError, escape_control_characters
 from advercity.exports.export_folder import ExportFolder, check_export_folder
 from advercity.exports.export_manifest import ExportManifest
-from advercity.exports.pieces import Piece
+from advercity.exports.pieces import NAME_PATTERN, Piece
 from advercity.exports.registry import find_export_format
+from advercity.exports.verified_files import VerifiedFiles
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 
 _logger = logging.getLogger(__name__)
@@ -75,22 +73,19 @@ def export_dataset(
     chosen = target.complete_options(options or {})
     check_export_folder(output)
     opened = _open_whole_dataset(dataset)
-    edited = _find_edited_files(opened, report) if allow_edited else {}
-    pieces = [_with_edits(piece, edited) for piece in target.load()(opened, chosen)]
-    manifest = ExportManifest.for_dataset(opened, format, chosen, edited)
+    listed = target.load()(opened, chosen)
+    manifest = ExportManifest.for_dataset(opened, format, chosen)
     view = _FrameCounter(opened, report)
-    # With `allow_edited`, all are verified by now.
-    unverified = {} if allow_edited else {one.path.name: one.path for one in opened.scenarios}
-    with ExportFolder(output, manifest, pieces, fresh=fresh) as folder:
+    with ExportFolder(output, manifest, fresh=fresh) as folder:
+        # Before anything of a former export is removed, and also if it is complete.
+        verified = VerifiedFiles.of_dataset(opened, report, allow_edited=allow_edited)
+        pieces = [_with_edits(piece, verified.edited) for piece in listed]
+        folder.start(pieces, verified.edited)
         for piece in pieces:
             if folder.is_done(piece):
                 view.skip(piece)
             else:
-                for name in [piece.scenario] if piece.scenario is not None else [*unverified]:
-                    if name in unverified:
-                        report(Progress(name, "verify"))
-                        _check_is_as_recorded(unverified.pop(name))
-                folder.write_piece(piece, view.count)
+                folder.write_piece(piece, view.count, verified.check_unchanged)
         _check_is_unchanged(opened)
         view.finish()
     return ExportResult(
@@ -142,6 +137,7 @@ def _open_whole_dataset(path: Path) -> Dataset:
     dataset = Dataset(path)
     names = Counter(one.path.name for one in dataset.scenarios)
     for scenario in dataset.scenarios:
+        _check_name(scenario.path)
         if names[scenario.path.name] > 1:
             raise InputError(
                 f"{path}: has {names[scenario.path.name]} scenarios called {scenario.path.name};"
@@ -155,22 +151,18 @@ def _open_whole_dataset(path: Path) -> Dataset:
     return dataset
 
 
-def _find_edited_files(dataset: Dataset, report: ProgressCallback) -> dict[str, str]:
-    """Return the checksums of changed files by scenario and path, and say how many there are."""
-    edited: dict[str, str] = {}
-    for scenario in dataset.scenarios:
-        name = scenario.path.name
-        report(Progress(name, "verify"))
-        changed = _check_is_as_recorded(scenario.path, allow_edited=True)
-        if changed:
-            noun = "file was" if len(changed) == 1 else "files were"
-            text = "%s: %d %s changed since the run, and exported as they are"
-            _logger.warning(text, scenario.path, len(changed), noun)
-        for path in changed:
-            with report_read_errors(scenario.path / path):
-                content = read_bytes(scenario.path / path, max_bytes=MAX_IMAGE_BYTES)
-            edited[f"{name}/{path}"] = hashlib.sha256(content).hexdigest()
-    return edited
+def _check_name(scenario: Path) -> None:
+    """Check that a scenario's name can be that of files of an export, as most formats need it."""
+    reason = None
+    if not NAME_PATTERN.fullmatch(scenario.name):
+        reason = "is hidden, has a backslash, or is not UTF-8"
+    elif scenario.name == Path(EXPORT_FILE).stem:
+        reason = f"is that of {EXPORT_FILE}, which every export has"
+    if reason is not None:
+        raise InputError(
+            f"{escape_control_characters(str(scenario))}: no scenario of this name can be exported,"
+            f" since it {reason}; rename the folder"
+        )
 
 
 def _with_edits(piece: Piece, edited: Mapping[str, str]) -> Piece:
@@ -182,29 +174,6 @@ def _with_edits(piece: Piece, edited: Mapping[str, str]) -> Piece:
     }
     inputs = compute_json_digest({"inputs": piece.inputs, "edited": own})
     return replace(piece, inputs=inputs) if own else piece
-
-
-def _check_is_as_recorded(scenario: Path, *, allow_edited: bool = False) -> list[str]:
-    """Check that files are as the manifest, which the export names, says.
-
-    Returns:
-        The paths of those that were changed, if that is allowed.
-
-    Raises:
-        InputError: Files are missing, unfinished, or changed without being allowed to.
-    """
-    damage = [problem for problem in verify_scenario(scenario) if problem.is_damage]
-    changed = [problem.path for problem in damage if problem.kind == "changed" and allow_edited]
-    for problem in damage:
-        if problem.path not in changed:
-            edited = (
-                "; `allow_edited` exports them as they are" if problem.kind == "changed" else ""
-            )
-            raise InputError(
-                f"{problem}; `advercity verify` lists all such files, `advercity repair` restores"
-                f" them{edited}"
-            )
-    return changed
 
 
 def _check_is_unchanged(dataset: Dataset) -> None:

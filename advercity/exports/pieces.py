@@ -21,8 +21,10 @@ from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.reader import Dataset, FrameView, Scenario
 from advercity.documents import read_bytes
 
-PATH_PATTERN = re.compile(r"([^./\\\0][^/\\\0]*/)*[^./\\\0][^/\\\0]*")
-"""Paths of files in an export: relative, without `..` and hidden names."""
+NAME_PATTERN = re.compile(r"[^./\\\0\ud800-\udfff][^/\\\0\ud800-\udfff]*")
+"""Names of files and folders in an export: not hidden, and UTF-8, as its manifest is."""
+PATH_PATTERN = re.compile(rf"({NAME_PATTERN.pattern}/)*{NAME_PATTERN.pattern}")
+"""Paths of files in an export: relative, without `..`."""
 FrameListener = Callable[[str], None]
 """Called with the name of a scenario when a frame of it is done."""
 
@@ -115,6 +117,7 @@ class Piece:
         scenario: Name of its scenario; None if it is of all.
         frames: Number of frames in it.
         write: Writes its files.
+        frame: Number of the frame whose files it is made from; None if it may be of all frames.
     """
 
     name: str
@@ -122,6 +125,7 @@ class Piece:
     scenario: str | None
     frames: int
     write: Callable[[PieceFiles], None]
+    frame: int | None = None
 
 
 def split_by_frame(
@@ -161,7 +165,7 @@ def _build_frame_piece(
 
     index = scenario.frame_numbers[position]
     name = scenario.path.name
-    return Piece(f"{name} frame {index}", f"sample {number}", name, 1, write)
+    return Piece(f"{name} frame {index}", f"sample {number}", name, 1, write, frame=index)
 
 
 def split_by_scenario(

@@ -9,7 +9,11 @@ from pathlib import Path
 from advercity_dsl import DECLARATIONS
 
 from advercity.dataset.index import INDEX_FILE
-from advercity.dataset.scenario_folders import MANIFEST_FILE, check_is_outside_scenarios
+from advercity.dataset.scenario_folders import (
+    MANIFEST_FILE,
+    check_is_outside_exports,
+    check_is_outside_scenarios,
+)
 from advercity.errors import InputError, describe_cause
 
 MAX_LISTED = 100
@@ -20,8 +24,8 @@ def check_output_folder(path: Path) -> None:
     """Check that a folder may hold a dataset.
 
     Raises:
-        InputError: It is a file, a library, in a scenario, the root or the home folder, or cannot
-            exist.
+        InputError: It is a file, a library, in a scenario or an export, the root or the home
+            folder, or cannot exist.
     """
     try:
         if path.exists() and not path.is_dir():
@@ -29,6 +33,7 @@ def check_output_folder(path: Path) -> None:
         if path.is_symlink() and not path.exists():
             raise InputError(f"`output` {path}: is a link to {path.readlink()}, which is not there")
         check_is_outside_scenarios(path)
+        check_is_outside_exports(path)
         _check_is_no_top_folder(path)
         declaration = next(filter(_is_declaration, _list_shallow_yaml_files(path)), None)
     except OSError as error:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -12,20 +13,21 @@ from pathlib import Path
 import pytest
 from advercity_dsl import Spec
 
-from advercity.atomic_files import format_partial_name
+from advercity.atomic_files import format_partial_name, move_file
 from advercity.cli.datasets import EXPORT_FORMAT_NAMES
+from advercity.compiler import write_specs
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.index import link_splits
 from advercity.dataset.partial_files import lock_scenario
 from advercity.dataset.reader import FrameView
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
-from advercity.exports import kitti
+from advercity.exports import export_folder, kitti
 from advercity.exports.export_folder import verify_export
 from advercity.exports.exporting import export_dataset
 from advercity.exports.oxts import format_oxts
 from advercity.exports.registry import EXPORT_FORMATS
-from advercity.pipeline.progress import Progress
+from advercity.pipeline.progress import Progress, ProgressCallback
 from tests.builders import SensorFramesOf, identify, write_scenario
 from tests.command_line import Command
 
@@ -349,6 +351,172 @@ def test_files_that_were_edited_are_exported_if_that_is_allowed_and_recorded(
     assert "000061.pcd: missing" in missing
 
 
+def test_a_refused_export_leaves_the_former_one_as_it_was(
+    advercity: Command, dataset: Path, tmp_path: Path
+) -> None:
+    output, labels = tmp_path / "exports", dataset / "ui_clear_night_dense" / "+101" / "000060.yaml"
+    labels.write_text(labels.read_text() + "# corrected\n")
+    command = ("openlabel", dataset, "--output", output)
+    assert advercity("export", *command, "--allow-edited").code == 0
+    (output / "notes.txt").write_text("mine")
+    before = snapshot(output)
+    for more in ((), ("--fresh",)):
+        assert f"{labels}: changed" in refuse(advercity, *command, *more)
+        assert snapshot(output) == before
+    assert advercity("export", *command, "--allow-edited").code == 0
+    assert snapshot(output) == before
+
+
+def test_an_export_of_which_nothing_was_made_again_stays_one(dataset: Path, tmp_path: Path) -> None:
+    output = tmp_path / "exports"
+    before = snapshot(export_dataset("calibration", dataset, output).output)
+    (output / "notes.txt").write_text("mine")
+    with pytest.raises(KeyboardInterrupt):
+        export_dataset("calibration", dataset, output, fresh=True, report=interrupt_at("export"))
+    assert verify_export(output)[1].pieces == {}
+    export_dataset("calibration", dataset, output)
+    assert snapshot(output) == before | {"notes.txt": b"mine"}
+
+
+def interrupt_at(phase: str) -> ProgressCallback:
+    def report(progress: Progress) -> None:
+        if progress.phase in (phase, "done"):
+            raise KeyboardInterrupt
+
+    return report
+
+
+@pytest.mark.parametrize("moved", [3, 29], ids=["in the first piece", "in the second"])
+def test_an_export_that_is_interrupted_while_files_are_moved_goes_on(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: int
+) -> None:
+    scenario = dataset / "ui_clear_night_dense"
+    whole = snapshot(export_dataset("kitti", scenario, tmp_path / "whole").output)
+    output, targets = tmp_path / "exports", list[Path]()
+
+    def move_some(source: Path, target: Path) -> None:
+        if target.name != "export.json":
+            targets.append(target)
+        if len(targets) > moved:
+            raise KeyboardInterrupt
+        move_file(source, target)
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(export_folder, "move_file", move_some)
+        export_dataset("kitti", scenario, output)
+    assert len(list(output.rglob("*.*"))) > moved
+    assert {problem.kind for problem in verify_export(output)[0]} == {"unfinished"}
+    export_dataset("kitti", scenario, output)
+    assert snapshot(output) == whole
+
+
+@pytest.mark.parametrize("allow_edited", [False, True])
+def test_a_file_that_is_changed_during_an_export_is_not_exported(
+    dataset: Path, tmp_path: Path, allow_edited: bool
+) -> None:
+    output, scenario = tmp_path / "exports", dataset / "ui_clear_night_dense"
+    whole = snapshot(export_dataset("kitti", scenario, tmp_path / "whole").output)
+    image = scenario / "-1" / "000061_camera0.png"
+    content = image.read_bytes()
+
+    def edit_when_a_frame_is_done(progress: Progress) -> None:
+        if (progress.phase, progress.done) == ("export", 1):
+            image.write_bytes(bytes(len(content)))
+
+    with pytest.raises(RunError, match=f"{re.escape(str(image))}: was changed during the export"):
+        export_dataset(
+            "kitti", scenario, output, allow_edited=allow_edited, report=edit_when_a_frame_is_done
+        )
+    problems, manifest = verify_export(output)
+    assert (problems, manifest.complete, len(manifest.pieces)) == ([], False, 1)
+    assert all((output / path).read_bytes() == whole[path] for path in manifest.files)
+    if allow_edited:
+        export_dataset("kitti", scenario, output, allow_edited=True)
+        edited = verify_export(output)[1].edited
+        assert edited == {
+            "ui_clear_night_dense/-1/000061_camera0.png": hashlib.sha256(
+                bytes(len(content))
+            ).hexdigest()
+        }
+    else:
+        image.write_bytes(content)
+        export_dataset("kitti", scenario, output)
+        assert snapshot(output) == whole
+
+
+def test_labels_that_are_edited_after_an_export_are_seen_by_the_next_one(
+    advercity: Command, dataset: Path, tmp_path: Path
+) -> None:
+    output, labels = tmp_path / "exports", dataset / "ui_clear_night_dense" / "+101" / "000060.yaml"
+    before = snapshot(export_dataset("openlabel", dataset, output).output)
+    labels.write_text(labels.read_text() + "# corrected\n")
+    assert f"{labels}: changed" in refuse(advercity, "openlabel", dataset, "--output", output)
+    assert snapshot(output) == before
+
+
+def test_what_is_in_the_place_of_an_export_s_file_or_folder_is_named(
+    advercity: Command, dataset: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "exports"
+    export_dataset("calibration", dataset, output)
+    folder = next(output.rglob("camera0.yaml"))
+    folder.unlink()
+    folder.mkdir()
+    command = ("export", "calibration", dataset, "--output", output)
+    done = advercity(*command)
+    assert (done.code, f"{folder}: is a folder where the export has a file" in done.err) == (
+        1,
+        True,
+    )
+    shutil.rmtree(folder.parent)
+    folder.parent.touch()
+    done = advercity(*command)
+    assert f"{folder.parent}: is a file where the export has a folder" in done.err
+    folder.parent.unlink()
+    assert advercity(*command).code == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        pytest.param(".bak", "is hidden", id="hidden"),
+        pytest.param("ui\\old", "has a backslash", id="backslash"),
+        pytest.param("ui_\udcff", "not UTF-8", id="bytes"),
+        pytest.param("export", "is that of export.json", id="manifest"),
+    ],
+)
+def test_a_scenario_whose_name_cannot_be_in_an_export_is_refused(
+    advercity: Command, dataset: Path, tmp_path: Path, name: str, reason: str
+) -> None:
+    (dataset / "ui_clear_night_dense").rename(dataset / name)
+    output = tmp_path / "exports"
+    line = refuse(advercity, "openlabel", dataset, "--output", output)
+    assert reason in line and "rename the folder" in line
+    assert not output.exists()
+
+
+def test_a_dataset_or_another_export_is_not_written_into_an_export(
+    advercity: Command, dataset: Path, spec: Spec, tmp_path: Path
+) -> None:
+    output = tmp_path / "exports"
+    before = snapshot(export_dataset("calibration", dataset, output).output)
+    write_specs([spec], tmp_path / "compiled")
+    run = ("run", tmp_path / "compiled" / f"{spec.id}.json")
+    for command, place, answer in (
+        (("export", "kitti", dataset), "inner", "is in an export"),
+        (("split", dataset), "", "is an export"),
+        (("split", dataset), "new/splits", "is in an export"),
+        (run, "", "is an export"),
+        (run, "new", "is in an export"),
+    ):
+        done = advercity(*command, "--output", output / place)
+        assert (done.code, answer in done.err) == (2, True), done.err
+    assert snapshot(output) == before
+    # Programs of others have files of that name, too.
+    (tmp_path / "export.json").write_text("[]")
+    assert advercity("split", dataset, "--output", tmp_path / "splits").code == 0
+
+
 def test_an_export_during_which_a_run_begins_is_not_complete(dataset: Path, tmp_path: Path) -> None:
     output, scenario = tmp_path / "exports" / "kitti", dataset / "ui_clear_night_dense"
     with ExitStack() as runs, pytest.raises(RunError, match="a run wrote it during the export"):
@@ -413,12 +581,15 @@ def test_a_manifest_that_was_made_to_harm_deletes_nothing(dataset: Path, tmp_pat
     export_dataset("kitti", dataset, output)
     (tmp_path / "precious").write_text("")
     document = json.loads((output / "export.json").read_text())
-    document["files"]["../../precious"] = {
-        "size": 0,
-        "sha256": "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
-        "piece": "samples",
-    }
-    (output / "export.json").write_text(json.dumps(document))
-    with pytest.raises((InputError, RunError), match="not the manifest of an export"):
-        export_dataset("kitti", dataset, output, fresh=True)
+    for path in ("../../precious", "a\ud800"):
+        damaged = document["files"] | {
+            path: {
+                "size": 0,
+                "sha256": "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
+                "piece": "samples",
+            }
+        }
+        (output / "export.json").write_text(json.dumps(document | {"files": damaged}))
+        with pytest.raises((InputError, RunError), match="not the manifest of an export"):
+            export_dataset("kitti", dataset, output, fresh=True)
     assert (tmp_path / "precious").exists()
