@@ -108,36 +108,46 @@ def _compute_deflected_light(
 
 def trace_radiance(
     scene: Scene, camera: Camera, pixel: Any, *, samples: Any, path_depth: Any, seed: Any
-) -> Any:
-    """Trace paths through pixels; returns their mean radiance."""
+) -> tuple[Any, Any]:
+    """Trace paths through pixels.
 
-    def add_sample(number: Any, random: Any, total: Any) -> tuple[Any, Any, Any]:
+    Returns:
+        Their mean radiance, without and of the light that comes straight from lenses of lamps.
+    """
+
+    def add_sample(number: Any, random: Any, total: Any, lenses: Any) -> tuple[Any, ...]:
         offset = mi.Point2f(0.5) + mi.Float(number) * mi.Point2f(0.75487767, 0.56984029)
         ray, _ = build_camera_ray(camera, pixel, offset - dr.floor(offset))
         path = _trace_path(scene, camera, ray, path_depth, random)
-        return number + 1, path.random, total + path.radiance
+        return number + 1, path.random, total + path.radiance, lenses + path.lenses
 
     def goes_on(number: Any, *_: Any) -> Any:
         return number < samples
 
     random = mi.PCG32(initstate=mi.UInt64(seed), initseq=mi.UInt64(pixel))
-    _, _, total = dr.while_loop(
-        (mi.UInt32(0), random, mi.Color3f(0.0)),
+    _, _, total, lenses = dr.while_loop(
+        (mi.UInt32(0), random, mi.Color3f(0.0), mi.Color3f(0.0)),
         goes_on,
         add_sample,
-        labels=("number", "random", "total"),
+        labels=("number", "random", "total", "lenses"),
     )
-    return total / mi.Float(samples)
+    return total / mi.Float(samples), lenses / mi.Float(samples)
 
 
 @dataclass
 class _Path:
-    """A path on its way; its radiance is what it has found so far."""
+    """A path on its way.
+
+    Attributes:
+        radiance: What it has found so far.
+        lenses: What came to the camera straight from the lens of a lamp, besides that.
+    """
 
     origin: Any
     direction: Any
     crossing: Crossing
     radiance: Any
+    lenses: Any
     throughput: Any
     depth: Any
     panes: Any
@@ -197,6 +207,7 @@ def _start_path(scene: Scene, camera: Camera, direction: Any, random: Any) -> _P
         direction=mi.Vector3f(direction),
         crossing=crossing,
         radiance=radiance,
+        lenses=mi.Color3f(0.0),
         throughput=mi.Color3f(1.0),
         depth=mi.UInt32(0),
         panes=mi.UInt32(0),
@@ -266,7 +277,9 @@ def _reflect(scene: Scene, camera: Camera, path: _Path, hit: Hit, path_depth: An
     light, away, random = scene.light, _offset(path), path.random
     s = _build_path_surface(scene, camera, path, hit)
     eye = -path.direction
-    found = dr.select(path.sees_lenses, hit.emission * hit.albedo, 0.0)
+    emitted = dr.select(path.sees_lenses, hit.emission * hit.albedo, 0.0)
+    is_direct = (path.depth == 0) & (path.panes == 0)
+    found = dr.select(is_direct, 0.0, emitted)
     # The normal of a crown may point behind the leaf: towards the sun is before what hides it.
     is_leaf = s.through > 0.0
     shown = dr.select(is_leaf, light.sun_direction, hit.normal) if light.has_sun else hit.normal
@@ -291,6 +304,7 @@ def _reflect(scene: Scene, camera: Camera, path: _Path, hit: Hit, path_depth: An
         origin=mi.Point3f(hit.position + away * dr.select(is_leaf, direction, hit.normal)),
         direction=mi.Vector3f(direction),
         radiance=path.radiance + path.throughput * found,
+        lenses=path.lenses + dr.select(is_direct, path.throughput * emitted, 0.0),
         throughput=throughput,
         depth=depth,
         mirrored=mirrored,

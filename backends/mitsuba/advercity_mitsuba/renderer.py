@@ -68,7 +68,7 @@ class MitsubaRenderer:
         is_raster = self._profile.renderer == "raster"
         pixel = dr.arange(mi.UInt32, view.width_px * view.height_px)
         guides = trace_guides(scene, camera, pixel)
-        radiance = trace_radiance(
+        radiance, lenses = trace_radiance(
             scene,
             camera,
             pixel,
@@ -78,6 +78,7 @@ class MitsubaRenderer:
             ),
             seed=dr.opaque(mi.UInt32, self._compute_seed(view)),
         )
+        dr.eval(radiance, lenses)
         size = view.height_px, view.width_px
         light = np.array(radiance, np.float32).T.reshape(*size, 3)
         normal = np.array(guides.normal, np.float32).T.reshape(*size, 3)
@@ -87,6 +88,8 @@ class MitsubaRenderer:
             clear = np.array(guides.clearness, np.float32).reshape(*size, 1)
             veiled = 1.0 + clear * (albedo - 1.0), clear * normal
             light = denoise(light, *(guide.astype(np.float32) for guide in veiled))
+        # Lenses have no noise, and the denoiser would smear them into what they outshine.
+        light = light + np.array(lenses, np.float32).T.reshape(*size, 3)
         depth = np.array(guides.depth, np.float32).reshape(size)
         semantic = np.array(guides.semantic, np.uint8).reshape(size)
         return CameraCapture(

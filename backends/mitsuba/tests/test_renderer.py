@@ -69,8 +69,11 @@ def render(
     frame: Frame | None = None,
     hide: frozenset[int] = frozenset(),
     samples: int = 64,
+    denoise: bool = False,
 ) -> CameraCapture:
-    profile = RenderProfile("test", 1.0, "ray_traced", samples=samples, path_depth=5)
+    profile = RenderProfile(
+        "test", 1.0, "ray_traced", samples=samples, path_depth=5, denoise=denoise
+    )
     with backend.open(world or build_world(), air, profile) as renderer:
         renderer.place(frame or build_frame((11.0, 0.5, 0.0)))
         return renderer.render_camera(CameraView(EYE, *SIZE, math.radians(90.0), hide))
@@ -126,6 +129,24 @@ def test_a_lamp_among_bright_ones_that_face_away_makes_no_noise(backend: Mitsuba
     lit = many.semantic == Semantic.ROAD
     error = brightness(few)[lit] / brightness(many)[lit] - 1.0
     assert np.median(np.abs(error)) < 0.1
+
+
+def test_the_denoiser_leaves_lenses_as_they_are(backend: MitsubaBackend) -> None:
+    lens = build_box((-2.01, 0.5, 0.6), (0.02, 0.2, 0.2), "lamp_white", Semantic.VEHICLE)
+    car = build_world().bodies["car"]
+    world = replace(build_world(), bodies={"car": replace(car, parts=(*car.parts, lens))})
+    (state,) = build_frame((14.0, 0.5, 0.0)).states
+    lit = replace(state, world_from_body=pose_matrix((14.0, 0.5, 0.0)), lamps=Lamp.LOW_BEAM)
+    fog = AirExtinction(fog=Extinction(at_550nm=0.02))
+    night, frame = build_clear_air(night=True, extinction=fog), Frame(0, 0.0, (lit,), {})
+    traced, denoised = (
+        brightness(render(backend, night, world=world, frame=frame, samples=4, denoise=denoise))
+        for denoise in (False, True)
+    )
+    shines = traced > 0.1 * traced.max()
+    assert 0 < np.count_nonzero(shines) < 20
+    np.testing.assert_allclose(denoised[shines], traced[shines], rtol=0.01)
+    assert denoised[~shines].max() < 0.1 * traced.max()
 
 
 def test_a_painted_body_is_of_its_paint_alone(backend: MitsubaBackend) -> None:
