@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from advercity.api import RunResult, load_spec, run, simulate
     from advercity.compiler import compile_library, write_specs
     from advercity.dataset.reader import open_dataset
+    from advercity.sensors.camera import develop_raw
 
 __version__ = "0.1.0"
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "Spec",
     "__version__",
     "compile_library",
+    "develop_raw",
     "load_spec",
     "open_dataset",
     "run",
@@ -31,6 +33,7 @@ _HOMES = {
     "RunResult": "advercity.api",
     "Spec": "advercity_dsl",
     "compile_library": "advercity.compiler",
+    "develop_raw": "advercity.sensors.camera",
     "load_spec": "advercity.api",
     "open_dataset": "advercity.dataset.reader",
     "run": "advercity.api",

@@ -18,7 +18,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from advercity_dsl import Camera, Mount, PointSpread, RawOutput, ThermalCamera, Weather
+from advercity_dsl import Camera, Isp, Mount, PointSpread, RawOutput, ThermalCamera, Weather
 from benchmark_scene import BenchmarkScene
 from measurement import Measurement, format_table, measure_run_time
 
@@ -72,6 +72,7 @@ NIGHT_EFFECTS: dict[str, WeatherParts] = {
 CAMERA_OPTIONS: dict[str, dict[str, Any]] = {
     "linear image": {"hdr": True},
     "raw image": {"raw": RawOutput()},
+    "image signal processor": {"isp": Isp(jpeg_quality=90)},
     "point spread": {"point_spread": PointSpread(centre_mrad=0.4, corner_mrad=1.5)},
 }
 THERMAL = ThermalCamera(mounts=(Mount(x_m=2.0, z_m=1.0),))

@@ -205,7 +205,8 @@ class CameraReadout:
 
     def count_electrons(self, values: NDArray[np.uint16], raw: "RawOutput") -> NDArray[np.float32]:
         """Convert the values (h, w) of a sensor's pixels to electrons, below 0 by noise too."""
-        step = self.full_well_e / (raw.full_value - raw.black_level)
+        largest_e = self.full_well_e * 2.0**raw.highlights_ev
+        step = largest_e / (raw.full_value - raw.black_level)
         return (values.astype(np.float32) - raw.black_level) * np.float32(step)
 
 

@@ -110,6 +110,9 @@ class RawOutput(CompactModel):
     """Bits of the converter; its largest value is a full pixel."""
     black_level: Annotated[Count, Field(ge=0, le=4096)] = 64
     """Value without light and noise."""
+    highlights_ev: Annotated[Number, Field(ge=0, le=4)] = Field(default=0, exclude_if=is_empty)
+    """Stops above a full pixel that the largest value is: with those of the camera, values are of
+    all its exposures, linear in light; 0 is the long exposure alone."""
 
     @model_validator(mode="after")
     def _check_black_level(self) -> Self:
@@ -121,8 +124,29 @@ class RawOutput(CompactModel):
 
     @property
     def full_value(self) -> int:
-        """Value of a full pixel."""
+        """Largest value: that of a full pixel, or of its highlights."""
         return 2**self.bits - 1
+
+
+class Isp(CompactModel):
+    """Image signal processor: makes the image of the values of the sensor's pixels.
+
+    It reads those that `raw` describes; of a camera without, 16 bits with all highlights, whose
+    black level is 1024.
+    """
+
+    demosaic: Literal["bilinear", "edge_aware"] = "edge_aware"
+    """How colours between the filters are found: as means of all neighbours, or green as that of
+    the two between which it changes less."""
+    denoise: Annotated[Fraction, Field(ge=0, le=0.95)] = 0.5
+    """Fraction of the noise that is removed from even surfaces; 0 leaves all."""
+    sharpening: Annotated[Fraction, Field(ge=0, le=1)] = 0.25
+    """Overshoot of a sharp edge over its height."""
+    jpeg_quality: Annotated[Count, Field(ge=1, le=100)] | None = Field(
+        default=None, exclude_if=is_none
+    )
+    """Quality of the JPEG that the image was compressed to, whose artefacts it has; without it, it
+    is not compressed."""
 
 
 MAX_BLURRED_S = 0.1
@@ -210,6 +234,9 @@ class Camera(Sampled):
     raw: RawOutput | None = Field(default=None, exclude_if=is_none)
     """The image of the sensor's pixels behind their colour filters, which is written too; without
     it, none is."""
+    isp: Isp | None = Field(default=None, exclude_if=is_none)
+    """How the image is made of these pixels; without it, each pixel of the image senses all three
+    colours."""
     truth: Annotated[Items[TruthImage], Field(max_length=3)] = Field(
         default=(), exclude_if=is_empty
     )
@@ -257,6 +284,14 @@ class Camera(Sampled):
         return self
 
     @model_validator(mode="after")
+    def _check_raw_highlights(self) -> Self:
+        if self.raw is not None and self.raw.highlights_ev > self.highlights_ev:
+            message = f"is more than the sensor resolves, {self.highlights_ev:g}"
+            hint = f"give at most {self.highlights_ev:g}, or the camera more `highlights_ev`"
+            raise InvalidCombination(("raw", "highlights_ev"), message, hint)
+        return self
+
+    @model_validator(mode="after")
     def _check_flow(self) -> Self:
         if "flow" in self.truth and self.is_rolling:
             message = "cannot be measured between images of a rolling shutter"
@@ -280,6 +315,12 @@ class Camera(Sampled):
             hint = "give less, or no blur_samples"
             raise InvalidCombination(("exposure", "shutter_s"), message, hint)
         return self
+
+    @property
+    def sensor_values(self) -> RawOutput:
+        """What the values of the sensor's pixels are that `raw` writes and `isp` reads."""
+        of_isp = {"bits": 16, "black_level": 1024, "highlights_ev": self.highlights_ev}
+        return self.raw or RawOutput.model_validate(of_isp)
 
     @property
     def is_rolling(self) -> bool:

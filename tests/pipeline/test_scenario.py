@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from advercity_dsl import RawOutput, Spec
+from advercity_dsl import Isp, RawOutput, Spec
 
+from advercity import develop_raw
 from advercity.cli.arguments import parse_frame_slice
 from advercity.compiler import find_weather, with_digest, with_weather, write_specs
 from advercity.dataset import cloud_files
@@ -355,6 +356,7 @@ def test_a_rig_that_asks_for_truth_gets_images_of_it(spec: Spec, tmp_path: Path)
     agents = list(spec.agents)
     camera = agents[0].sensors.camera.model_copy(
         update={"truth": ("instance", "normal", "flow"), "hdr": True, "raw": RawOutput(bits=10)}
+        | {"isp": Isp(jpeg_quality=90)}
     )
     sensors = agents[0].sensors.model_copy(update={"camera": camera})
     agents[0] = agents[0].model_copy(update={"sensors": sensors})
@@ -381,6 +383,8 @@ def test_a_rig_that_asks_for_truth_gets_images_of_it(spec: Spec, tmp_path: Path)
     saturation = view.load_readout(0).saturation_cd_m2
     light = electrons / view.load_readout(0).full_well_e * saturation
     assert light[road].mean() == pytest.approx(view.hdr(0)[road].mean(), rel=0.05)
+    developed = develop_raw(view.raw(0), view.agent.sensors.camera, view.load_readout(0))
+    np.testing.assert_array_equal(developed, view.image(0))
     flow, row, column = view.flow(0), *np.indices(view.instance(0).shape)
     seen = ~flow.occluded
     assert seen.mean() > 0.8

@@ -1,12 +1,11 @@
 """Turns rendered radiance into camera images: air before the lens, glass, lens, electronics."""
 
 from advercity.sensors.camera.electronics import (
-    ExposedImage,
     ExposureSettings,
     digitise,
-    expose_image,
     meter_exposure,
 )
+from advercity.sensors.camera.exposed_image import ExposedImage, expose_image
 from advercity.sensors.camera.exposure import CameraExposure
 from advercity.sensors.camera.falling_particles import move_blocks
 from advercity.sensors.camera.image_formation import (
@@ -15,6 +14,7 @@ from advercity.sensors.camera.image_formation import (
     meter_image,
     render_image,
 )
+from advercity.sensors.camera.image_processing import develop_raw
 
 __all__ = [
     "CameraConditions",
@@ -22,6 +22,7 @@ __all__ = [
     "ExposedImage",
     "ExposureSettings",
     "add_air_effects",
+    "develop_raw",
     "digitise",
     "expose_image",
     "meter_exposure",

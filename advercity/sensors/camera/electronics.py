@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from advercity_dsl import Camera, Exposure, RawOutput
+from advercity_dsl import Camera, Exposure
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
@@ -115,64 +115,6 @@ class ExposureSettings:
         return READ_NOISE_E * math.sqrt(self.binned_pixels)
 
 
-@dataclass(frozen=True, eq=False)
-class ExposedImage:
-    """What a camera makes of the light on its sensor.
-
-    Attributes:
-        image: (h, w, 3) uint8 RGB.
-        readout: What the values of the others mean.
-        hdr: (h, w, 3) uint16, linear, white-balanced; None if the camera writes none.
-        raw: (h, w) uint16 of the sensor's pixels; None if the camera writes none.
-    """
-
-    image: NDArray[np.uint8]
-    readout: CameraReadout
-    hdr: NDArray[np.uint16] | None
-    raw: NDArray[np.uint16] | None
-
-
-def expose_image(
-    light: NDArray[np.float32],
-    camera: Camera,
-    setting: ExposureSettings,
-    rng: np.random.Generator,
-    *,
-    white_point: NDArray[np.float64] = NEUTRAL_WHITE,
-) -> ExposedImage:
-    """Expose and digitise the light on a sensor.
-
-    `light` is (h, w, 3) cd/m² at any scale of the camera's size: a pixel of a smaller image gathers
-    the light of all pixels that it represents. `white_point` (3,) of luminance 1 becomes grey.
-    """
-    pixels = light.shape[0] * light.shape[1]
-    binned = max(1.0, camera.width_px * camera.height_px / pixels)
-    setting = replace(
-        setting,
-        binned_pixels=binned,
-        highlights_ev=camera.highlights_ev,
-        combined_exposures=camera.combined_exposures,
-    )
-    fill_fraction = light / (setting.saturation_cd_m2 * white_point).astype(np.float32)
-    noise = rng if camera.noise else None
-    digital = digitise(fill_fraction, setting, noise)
-    red, green, blue = white_point.tolist()
-    return ExposedImage(
-        image=build_tone_curve(_brightest_ev(fill_fraction, camera.highlights_ev)).take(digital),
-        readout=CameraReadout(
-            shutter_s=setting.shutter_s,
-            iso=setting.iso,
-            saturation_cd_m2=setting.saturation_cd_m2,
-            white_point=(red, green, blue),
-            full_well_e=setting.full_well_e,
-            read_noise_e=setting.read_noise_e,
-        ),
-        hdr=digital if camera.hdr else None,
-        # After the image, whose noise is the same with and without it.
-        raw=None if camera.raw is None else digitise_raw(light, camera.raw, setting, noise),
-    )
-
-
 def meter_exposure(
     radiance: NDArray[np.float32], exposure: Exposure, *, white_card_cd_m2: float = math.inf
 ) -> ExposureSettings:
@@ -230,9 +172,9 @@ def digitise(
 
 
 def _find_exposure_ratios(
-    digital: NDArray[np.float32], setting: ExposureSettings
+    digital: NDArray[np.float32], setting: ExposureSettings | Camera
 ) -> NDArray[np.float32]:
-    """Find how many times shorter than the long exposure each value's (h, w, 3) is."""
+    """Find how many times shorter than the long exposure each value's is, in their shape."""
     last = setting.combined_exposures - 1
     between_ev = setting.highlights_ev / last
     over = digital / np.float32(SWITCH_FRACTION * WHITE_DN)
@@ -242,25 +184,44 @@ def _find_exposure_ratios(
 
 def digitise_raw(
     light: NDArray[np.float32],
-    raw: RawOutput,
-    setting: ExposureSettings,
+    camera: Camera,
+    readout: CameraReadout,
     rng: np.random.Generator | None,
 ) -> NDArray[np.uint16]:
     """Convert light (h, w, 3) in cd/m² to values (h, w) of pixels behind filters of one colour.
 
-    They are those of the long exposure, which a full pixel ends, without white balance. Noise is
-    that of `digitise`; below the black level it shows as far as 0.
+    They are those of the long exposure, which a full pixel ends, or with the highlights that
+    `sensor_values` of the camera have, without white balance. Noise is that of `digitise`; below
+    the black level it shows as far as 0.
     """
+    raw = camera.sensor_values
     electrons = _select_filtered(light, raw.pattern) * np.float32(
-        setting.full_well_e / setting.saturation_cd_m2
+        readout.full_well_e / readout.saturation_cd_m2
     )
-    np.minimum(electrons, np.float32(setting.full_well_e), out=electrons)
+    largest_e = readout.full_well_e * 2.0**raw.highlights_ev
+    np.minimum(electrons, np.float32(largest_e), out=electrons)
     if rng is not None:
-        deviation = np.sqrt(electrons + np.float32(setting.read_noise_e**2))
+        deviation = np.sqrt(compute_raw_variance(electrons, camera, readout))
         electrons += deviation * _draw_normal(electrons.shape, rng)
-    step = np.float32((raw.full_value - raw.black_level) / setting.full_well_e)
+    step = np.float32((raw.full_value - raw.black_level) / largest_e)
     values = np.rint(electrons * step + np.float32(raw.black_level))
     return np.clip(values, 0, raw.full_value).astype(np.uint16)
+
+
+def compute_raw_variance(
+    electrons: NDArray[np.float32], camera: Camera, readout: CameraReadout
+) -> NDArray[np.float32]:
+    """Compute the variance of shot and read noise in squared electrons of the long exposure.
+
+    A value of an exposure that is r times shorter counts r times its electrons.
+    """
+    read_variance = np.float32(readout.read_noise_e**2)
+    if camera.combined_exposures == 1 or camera.sensor_values.highlights_ev == 0:
+        return electrons + read_variance
+    digital = electrons * np.float32(WHITE_DN / readout.full_well_e)
+    ratios = _find_exposure_ratios(digital, camera)
+    variance = ratios * (electrons + ratios * read_variance)
+    return variance.astype(np.float32)
 
 
 def _select_filtered(light: NDArray[np.float32], pattern: str) -> NDArray[np.float32]:
@@ -296,13 +257,13 @@ def _metered_luminance(radiance: NDArray[np.float32]) -> float:
     return float(np.exp(np.log(luminance[luminance <= limit]).mean(dtype=np.float64)))
 
 
-def _brightest_ev(fill_fraction: NDArray[np.float32], highlights_ev: float) -> float:
+def find_brightest_ev(sampled: NDArray[np.floating], highlights_ev: float) -> float:
     """Compute the stops of an image's highlights above a full pixel, up to those of the sensor.
 
-    Rounded up to eighths, so that few tone curves are built.
+    `sampled` (h, w, 3) are pixels of it, `HIGHLIGHT_STEP` apart, in full pixels. Rounded up
+    to eighths, so that few tone curves are built.
     """
-    sampled = fill_fraction[::HIGHLIGHT_STEP, ::HIGHLIGHT_STEP].max(axis=2)
-    highlights = np.percentile(sampled, HIGHLIGHT_PERCENTILE)
+    highlights = np.percentile(sampled.max(axis=2), HIGHLIGHT_PERCENTILE)
     return min(max(0.0, math.ceil(8.0 * math.log2(max(highlights, 1.0))) / 8.0), highlights_ev)
 
 

@@ -21,12 +21,11 @@ from advercity.physics.precipitation import ParticleSizeDistribution
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture
 from advercity.sensors.camera.electronics import (
-    ExposedImage,
     ExposureSettings,
-    expose_image,
     find_white_point,
     meter_exposure,
 )
+from advercity.sensors.camera.exposed_image import ExposedImage, expose_image
 from advercity.sensors.camera.exposure import CameraExposure
 from advercity.sensors.camera.falling_particles import ParticleBlock, build_particle_blocks
 from advercity.sensors.camera.motion_streaks import add_falling_particles
