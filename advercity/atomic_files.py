@@ -70,15 +70,27 @@ def format_partial_name(machine: str, process: int, random: str) -> str:
 def open_partial_path(path: Path) -> Generator[Path]:
     """Yield a path of the same name in a temporary folder; at the end that file becomes `path`.
 
-    A file that is replaced leaves it its permissions.
+    A file that is replaced leaves it its permissions. Errors of the system name a file.
     """
-    with open_partial_folder(path.parent) as folder:
+    with name_in_errors(path), open_partial_folder(path.parent) as folder:
         partial = folder / path.name
         yield partial
         with suppress(FileNotFoundError):
             shutil.copymode(path, partial)
         sync_files([partial])
         partial.replace(path)
+
+
+@contextmanager
+def name_in_errors(path: Path) -> Generator[None]:
+    """Name a path in an OSError without one: the system names none for what does not fit."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None:
+            with suppress(AttributeError):  # those of PyAV have a property
+                error.filename = str(path)
+        raise
 
 
 def write_atomically(path: Path, content: bytes) -> None:

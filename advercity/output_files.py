@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from advercity.atomic_files import (
+    name_in_errors,
     open_partial_folder,
     open_without_links,
     sync_files,
@@ -34,7 +35,7 @@ def open_output(path: Path) -> Generator[Path]:
         OSError: The file cannot be written.
     """
     check_output(path)
-    with open_output_folder(path.parent) as partial:
+    with open_output_folder(path.parent) as partial, name_in_errors(path):
         yield partial / path.name
 
 
@@ -44,9 +45,9 @@ def open_output_folder(folder: Path) -> Generator[Path]:
 
     Raises:
         InputError: One of them exists there, with other content, and may not be replaced.
-        OSError: The files cannot be written.
+        OSError: The files cannot be written; it names a file or the folder.
     """
-    with open_partial_folder(folder) as partial:
+    with name_in_errors(folder), open_partial_folder(folder) as partial:
         yield partial
         digests = {path: _compute_digest(path) for path in sorted(partial.iterdir())}
         for path, digest in digests.items():
@@ -65,7 +66,7 @@ def open_output_folder(folder: Path) -> Generator[Path]:
 
 def write_output(path: Path, content: bytes) -> None:
     """Write a file; the errors are those of `open_output_folder`."""
-    with open_output_folder(path.parent) as partial:
+    with open_output_folder(path.parent) as partial, name_in_errors(path):
         (partial / path.name).write_bytes(content)
 
 

@@ -77,6 +77,18 @@ def test_a_cause_is_never_none(tmp_path: Path) -> None:
         raise OSError("x")
 
 
+def test_an_error_that_takes_no_name_passes_as_it_is(tmp_path: Path) -> None:
+    class EncoderError(OSError):
+        """As those of PyAV."""
+
+        filename = property(lambda _: None)  # pyright: ignore[reportAssignmentType]
+
+    with pytest.raises(EncoderError), open_partial_path(tmp_path / "plan.mp4"):
+        raise EncoderError
+    with pytest.raises(OSError, match=r"plan\.mp4"), open_partial_path(tmp_path / "plan.mp4"):
+        raise OSError(28, "No space left on device")
+
+
 def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path: Path) -> None:
     path = tmp_path / "weather.yaml"
     path.write_bytes(b"mine")

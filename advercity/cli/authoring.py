@@ -24,7 +24,10 @@ def compile_(
     """Compile a library of declarations into scenario specs."""
     from advercity.compiler import describe_spec_differences, write_specs
     from advercity.compiler.crossing import compile_library
+    from advercity.dataset.scenario_folders import check_is_outside_datasets
 
+    if not check:
+        check_is_outside_datasets(output)
     specs = compile_library(*library, suite=suite)
     if check:
         stale = describe_spec_differences(specs, output)

@@ -100,6 +100,9 @@ def _with_choice(command: Callable[..., None]) -> Callable[..., None]:
     )
 
     def run(**values: Any) -> None:
+        from advercity.dataset.scenario_folders import check_is_outside_datasets
+
+        check_is_outside_datasets(values["output"])
         choice = _build_choice(**{name: values.pop(name) for name in options})
         command(**values, choice=choice)
 

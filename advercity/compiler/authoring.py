@@ -57,12 +57,9 @@ def write_starter(kind: str, name: str, folder: Path) -> Path:
     )
     path = folder / f"{name}.yaml"
     with report_write_errors():
-        folder.mkdir(parents=True, exist_ok=True)
-        try:
-            with path.open("x", encoding="utf-8", newline="\n") as file:
-                file.write(text)
-        except FileExistsError:
-            raise InputError(f"{path}: already exists; choose another name") from None
+        if os.path.lexists(path):
+            raise InputError(f"{path}: already exists; choose another name")
+        write_atomically(path, text.encode())
     # After the declaration: a name that is taken must not leave a schema behind.
     if is_replaceable(find_schema_file(kind, schemas)):
         write_schemas(schemas, [kind])

@@ -9,6 +9,7 @@ from advercity_dsl import DECLARATIONS, LANGUAGE_VERSION, Model, Spec
 from advercity_dsl.base import suggest_name
 from advercity_dsl.distribution import DISTRIBUTIONS
 
+from advercity.atomic_files import name_in_errors
 from advercity.compiler.fields import collect_field_docs
 from advercity.errors import InputError, report_write_errors
 from advercity.output_files import open_output_folder
@@ -68,7 +69,8 @@ def write_schemas(folder: Path, kinds: Iterable[str] = SCHEMA_MODELS) -> None:
     """
     with report_write_errors(), open_output_folder(folder) as made:
         for kind in kinds:
-            find_schema_file(kind, made).write_bytes(format_schema(kind).encode() + b"\n")
+            with name_in_errors(find_schema_file(kind, folder)):
+                find_schema_file(kind, made).write_bytes(format_schema(kind).encode() + b"\n")
 
 
 def _build_model_schema(model: type[Model]) -> dict[str, Any]:

@@ -86,9 +86,10 @@ def check_folders_are_no_links(scenario: Path, folders: Iterable[str]) -> None:
     of_agents = [parent / name for name in folders for parent in (scenario, staging / "incoming")]
     for path in (*inside, *of_agents):
         if path.is_symlink():
+            kind = "file" if path.is_file() else "folder"
             raise RunError(
-                f"{path}: is a link to {path.readlink()}; a dataset is written in real folders"
-                " only: put the folder itself in place of the link"
+                f"{path}: is a link to {path.readlink()}; a dataset is written in real folders and"
+                f" files only: put the {kind} itself in place of the link"
             )
 
 
@@ -101,9 +102,9 @@ def check_is_outside_datasets(output: Path) -> None:
         InputError: It is.
     """
     for path in (output.absolute(), output.resolve()):
-        if _is_dataset_or_scenario(path):
+        if is_dataset_or_scenario(path):
             raise InputError(f"`output` {output}: is a dataset; name a folder beside it")
-        if any(_is_dataset_or_scenario(parent) or _has_splits(parent) for parent in path.parents):
+        if any(is_dataset_or_scenario(parent) or _has_splits(parent) for parent in path.parents):
             raise InputError(f"`output` {output}: is in a dataset; name a folder beside it")
 
 
@@ -119,7 +120,7 @@ def check_is_outside_scenarios(output: Path) -> None:
         for folder in (path, *path.parents):
             if is_scenario(folder):
                 place, dataset = "in a scenario", folder.parent
-            elif folder.name == STAGING_FOLDER and _is_dataset_or_scenario(folder.parent):
+            elif folder.name == STAGING_FOLDER and is_dataset_or_scenario(folder.parent):
                 place, dataset = "among the unfinished files", folder.parent
             else:
                 continue
@@ -161,7 +162,8 @@ def is_scenario(folder: Path) -> bool:
     return all((folder / name).is_file() for name in (MANIFEST_FILE, PROTOCOL_FILE))
 
 
-def _is_dataset_or_scenario(folder: Path) -> bool:
+def is_dataset_or_scenario(folder: Path) -> bool:
+    """Return whether a folder is a scenario, or has one in it."""
     found = (folder, *(path.parent for path in folder.glob(f"*/{MANIFEST_FILE}")))
     return any(map(is_scenario, found))
 

@@ -45,6 +45,7 @@ from advercity.dataset.scenario_folders import (
     find_staging_folder,
     no_dataset_to_replace_error,
 )
+from advercity.documents import MAX_JSON_BYTES, read_bytes
 from advercity.errors import RunError, describe_cause
 from advercity.roads.road_network import build_road
 from advercity.sensors.sensor_frame import SensorFrame
@@ -162,6 +163,7 @@ class ScenarioWriter(FrameWriter):
         self._length = length
         self._fresh = fresh
         self._files: dict[str, FileRecord] = {}
+        self._known_manifest: bytes | None = None
 
     @property
     def done_frames(self) -> frozenset[int]:
@@ -224,6 +226,7 @@ class ScenarioWriter(FrameWriter):
         former: dict[str, FileRecord] = {}
         if has_manifest:
             manifest = Manifest.load(self.scenario, moved=False)
+            self._known_manifest = self._format_as_written()
             former = manifest.files
             if self._fresh:
                 self._clear(manifest)
@@ -239,6 +242,7 @@ class ScenarioWriter(FrameWriter):
             path
             for records in (former, self._files)
             for path in list_matching_files(self.scenario, own, records)
+            if not (self.scenario / path).is_symlink()
         }
         set_aside(self.scenario, own.keys() - known)
         for path, content in own.items():
@@ -329,7 +333,24 @@ class ScenarioWriter(FrameWriter):
         self._replace_manifest(manifest)
         return manifest
 
+    def _format_as_written(self) -> bytes:
+        """Format the manifest in place as a run would have, whatever its user made of it."""
+        path = self.scenario / MANIFEST_FILE
+        found = Manifest.parse(read_bytes(path, max_bytes=MAX_JSON_BYTES), where=str(path))
+        if not found.identity.list_differences(self._identity):
+            found = Manifest.from_files(
+                self._identity, self._spec, length=self._length, files=found.files
+            )
+        return found.to_json().encode()
+
     def _replace_manifest(self, manifest: Manifest) -> None:
-        replace_file(self.scenario, MANIFEST_FILE, manifest.to_json().encode())
+        path, content = self.scenario / MANIFEST_FILE, manifest.to_json().encode()
+        known = (content, self._known_manifest)
+        if os.path.lexists(path) and (
+            path.is_symlink() or read_bytes(path, max_bytes=MAX_JSON_BYTES) not in known
+        ):
+            set_aside(self.scenario, [MANIFEST_FILE])
+        replace_file(self.scenario, MANIFEST_FILE, content)
+        self._known_manifest = content
         # Only now: the journals are the record until the manifest has their frames.
         remove_journals(self.scenario)

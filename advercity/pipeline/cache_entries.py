@@ -145,9 +145,12 @@ def describe_cache() -> list[dict[str, str | int]]:
 
 
 def prune_cache(limit_bytes: int) -> RemovedEntries:
-    """Remove leftovers, and the entries used longest ago until the rest is within the limit."""
+    """Remove leftovers, and the entries used longest ago until the rest is within the limit.
+
+    Entries in folders that are links stay, and do not count: they are of the folder's owner.
+    """
     _sweep()
-    entries, now_s = list_entries(), time.time()
+    entries, now_s = [entry for entry in list_entries() if not _find_link(entry)], time.time()
     excess_bytes = sum(entry.size_bytes for entry in entries) - limit_bytes
     chosen: list[CacheEntry] = []
     for entry in entries:
@@ -159,10 +162,18 @@ def prune_cache(limit_bytes: int) -> RemovedEntries:
 
 
 def clear_cache() -> RemovedEntries:
-    """Remove every entry, and leftovers; files that are no entries stay, and a warning says so."""
+    """Remove every entry, and leftovers, but nothing through a link.
+
+    Links to folders, and files that are no entries, stay, and a warning says so.
+    """
     _sweep()
-    removed, folder = _remove(list_entries()), find_cache_folder()
-    kept = [path for kind in ENTRY_FILES for path in (folder / kind).rglob("*")]
+    found, folder = list_entries(), find_cache_folder()
+    removed = _remove([entry for entry in found if not _find_link(entry)])
+    links = {link for entry in found if (link := _find_link(entry))}
+    for link in sorted(links):
+        _logger.warning("%s: is a link to %s, whose entries stay", link, link.readlink())
+    real = (folder / kind for kind in ENTRY_FILES if not (folder / kind).is_symlink())
+    kept = [path for inside in real for path in inside.rglob("*") if path not in links]
     count = sum(1 for path in kept if path.is_symlink() or not path.is_dir())
     if count:
         _logger.warning(
@@ -208,6 +219,12 @@ def _iterate_entries() -> Iterator[CacheEntry]:
                 if _KEY.fullmatch(key) and _read_recorded_checksum(path) and path.is_file():
                     used_s = _get_checksum_file(path).stat().st_mtime
                     yield CacheEntry(path, kind, path.stat().st_size, used_s)
+
+
+def _find_link(entry: CacheEntry) -> Path | None:
+    """Find the folder of an entry that is a link, if one is; the cache itself may be one."""
+    inside = find_cache_folder() / entry.kind
+    return next((path for path in (inside, entry.path.parent) if path.is_symlink()), None)
 
 
 def _remove(entries: list[CacheEntry]) -> RemovedEntries:

@@ -22,6 +22,7 @@ from advercity_dsl import (
 from advercity.compiler import LibraryEntry, compare_specs, load_library, read_spec
 from advercity.compiler.explain import ValueOrigin, flatten_values
 from advercity.compiler.source import format_value_path
+from advercity.dataset.scenario_folders import is_dataset_or_scenario
 from advercity.documents import suggest_path
 from advercity.errors import InputError
 from advercity.physics.extinction import (
@@ -48,6 +49,11 @@ TARGET_REFLECTANCES = (0.1, 0.5, 0.8)
 
 def load_rows(folder: Path) -> list[dict[str, Any]]:
     """Load one row per spec of a folder, or per declaration of a library."""
+    if is_dataset_or_scenario(folder):
+        raise InputError(
+            f"{folder}: is a dataset; `advercity stats` describes it, and `advercity list` lists"
+            " specs and declarations"
+        )
     specs = sorted(folder.glob("*.json")) if folder.is_dir() else []
     if specs:
         return [_build_spec_row(read_spec(path)) for path in specs]

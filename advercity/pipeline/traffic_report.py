@@ -8,6 +8,7 @@ from pathlib import Path
 from advercity_dsl import Spec
 
 from advercity.conflicts.report import TrafficReport, build_traffic_report
+from advercity.dataset.scenario_folders import check_is_outside_datasets
 from advercity.errors import RunError, describe_cause
 from advercity.media import VideoWriter
 from advercity.output_files import check_output, open_output_folder
@@ -41,10 +42,11 @@ def simulate_to_folder(spec: Spec, output: Path, *, with_video: bool = True) -> 
     """Write `trace.npz`, `report.json` and `plan.mp4` to `<output>/<spec id>/`, all or none.
 
     Raises:
-        InputError: The spec asks for what its road does not have, PyAV is not installed, or one of
-            the files exists and may not be replaced.
+        InputError: The spec asks for what its road does not have, PyAV is not installed, `output`
+            is in a dataset, or one of the files exists and may not be replaced.
         RunError: The simulation failed, or a file cannot be written.
     """
+    check_is_outside_datasets(output)
     folder = output / spec.id
     for name in (TRACE_FILE, REPORT_FILE, VIDEO_FILE):
         check_output(folder / name)

@@ -1,11 +1,15 @@
-"""No command replaces a file that it did not write."""
+"""No command replaces a file that it did not write, writes half of one, or writes into datasets."""
 
+import resource
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from advercity_dsl import Spec
 
 from advercity.compiler import write_specs
+from tests.builders import SMALL_LIBRARY
 from tests.command_line import Command
 
 COMMANDS = {
@@ -58,3 +62,62 @@ def test_the_same_command_runs_again(
     monkeypatch.chdir(tmp_path)
     assert [advercity(*arguments)[0] for _ in range(2)] == [0, 0]
     assert [path.name for path in Path("new").iterdir()] == ["sheet.png"]
+
+
+@contextmanager
+def little_room() -> Generator[None]:
+    """Let no file be longer than 100 bytes, as on a disk that is almost full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        (["new", "weather", "mine"], "mine.yaml"),
+        (["schema"], "weather.schema.json"),
+        (["compile", SMALL_LIBRARY], "*.json"),
+    ],
+)
+def test_a_disk_without_room_is_reported_with_the_file_and_leaves_no_part_of_it(
+    advercity: Command, tmp_path: Path, command: list[str], name: str
+) -> None:
+    output = tmp_path / "made"
+    with little_room():
+        code, _, err = advercity(*command, "--output", output)
+    assert code == 2
+    assert f"error: {output}/" in err
+    assert ": cannot be written: File too large" in err
+    assert ".partial-" not in err
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert advercity(*command, "--output", output).code == 0
+    assert list(output.glob(name))
+
+
+@pytest.mark.parametrize("place", [".", "one", "one/new", "new"])
+@pytest.mark.parametrize("command", ["compile", "import openscenario a.xosc", "simulate SPEC"])
+def test_a_command_puts_no_folder_of_another_kind_into_a_dataset(
+    advercity: Command, spec_file: Path, tmp_path: Path, command: str, place: str
+) -> None:
+    """Loaders of OPV2V would take it for a scenario or an agent."""
+    dataset = tmp_path / "data"
+    (dataset / "one").mkdir(parents=True)
+    for name in ("manifest.json", "data_protocol.yaml"):
+        (dataset / "one" / name).touch()
+    had = sorted(dataset.rglob("*"))
+    words = command.replace("SPEC", str(spec_file)).split()
+    code, _, err = advercity(*words, "--output", dataset / place)
+    assert code == 2
+    assert "a dataset; name a folder beside it" in err
+    assert sorted(dataset.rglob("*")) == had
+
+
+@pytest.mark.parametrize("place", ["", "rcnj_fog_day_sparse"])
+def test_list_says_that_a_dataset_is_one(advercity: Command, two_roads: Path, place: str) -> None:
+    code, _, err = advercity("list", two_roads / place)
+    assert (code, err.count("\n")) == (2, 1)
+    assert f"{two_roads / place}: is a dataset; `advercity stats` describes it" in err

@@ -184,6 +184,56 @@ def test_a_file_that_its_user_changed_is_kept_under_another_name(
     assert not any(problem.is_damage for problem in verify_scenario(scenario))
 
 
+def indent_more(path: Path) -> None:
+    path.write_text(json.dumps(json.loads(path.read_text()), indent=4))
+
+
+def note_in_weather(path: Path) -> None:
+    document = json.loads(path.read_text())
+    document["weather"]["sun_elevation_deg"] = 12.5
+    path.write_text(json.dumps(document, indent=1) + "\n")
+
+
+def move_and_link(path: Path) -> None:
+    target = path.parent.parent / f"shared_{path.name}"
+    path.rename(target)
+    path.symlink_to(target)
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+@pytest.mark.parametrize("change", [indent_more, note_in_weather, move_and_link])
+def test_a_manifest_that_its_user_changed_is_kept_under_another_name(
+    scenario: Path,
+    resume: Callable[..., None],
+    caplog: pytest.LogCaptureFixture,
+    change: Callable[[Path], None],
+    fresh: bool,
+) -> None:
+    manifest = scenario / MANIFEST_FILE
+    change(manifest)
+    changed = manifest.read_bytes()
+    resume(scenario, fresh=fresh)
+    kept = scenario / "manifest.json.kept"
+    assert kept.read_bytes() == changed
+    assert kept.is_symlink() == (change is move_and_link)
+    assert f"{scenario}: 1 file not as the manifest has them, kept as {kept.name}" in caplog.text
+    assert not manifest.is_symlink()
+    assert not any(problem.is_damage for problem in verify_scenario(scenario))
+    caplog.clear()
+    resume(scenario)
+    assert not caplog.records
+
+
+def test_a_link_in_place_of_the_spec_is_kept_under_another_name(
+    scenario: Path, resume: Callable[..., None], caplog: pytest.LogCaptureFixture
+) -> None:
+    move_and_link(scenario / "data_protocol.yaml")
+    resume(scenario)
+    assert (scenario / "data_protocol.yaml.kept").is_symlink()
+    assert not (scenario / "data_protocol.yaml").is_symlink()
+    assert "kept as data_protocol.yaml.kept" in caplog.text
+
+
 def test_a_file_kept_under_another_name_replaces_none_that_comes_meanwhile(tmp_path: Path) -> None:
     texts_of_others: list[str] = []
     ended = Event()

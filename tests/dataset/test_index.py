@@ -10,6 +10,7 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.dataset.index import (
+    EMPTY_INDEX,
     INDEX_FILE,
     PUBLISHED_SPLITS,
     DatasetIndex,
@@ -406,3 +407,13 @@ def test_a_road_belongs_to_one_split(
 ) -> None:
     with pytest.raises(InputError, match=message):
         link_splits(two_roads, tmp_path, roads)
+
+
+def test_an_index_that_is_a_link_is_refused_and_called_a_file(spec: Spec, tmp_path: Path) -> None:
+    dataset, shared = tmp_path / "data", tmp_path / "shared.json"
+    dataset.mkdir()
+    shared.write_bytes(EMPTY_INDEX.to_json())
+    (dataset / "index.json").symlink_to(shared)
+    with pytest.raises(RunError, match="put the file itself in place of the link"):
+        IndexWriter(dataset, [spec])
+    assert shared.read_bytes() == EMPTY_INDEX.to_json()

@@ -223,6 +223,28 @@ def test_a_link_in_place_of_an_entry_is_replaced_and_its_target_stays(
     assert target.read_text() == "mine"
 
 
+@pytest.mark.parametrize("name", ["traces", f"networks/{KEYS[0]}"])
+def test_the_entries_in_a_linked_folder_stay_and_do_not_count(
+    cache: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture, name: str
+) -> None:
+    def build(partial: Path) -> None:
+        partial.write_bytes(bytes(2000))
+
+    for entry in (f"traces/{KEYS[0]}.npz", f"networks/{KEYS[0]}/road.net.xml"):
+        load_or_build_entry(entry, build, Path.read_bytes)
+        os.utime(cache / f"{entry}.sha256", (0, 0))
+    shared, folder = tmp_path / "shared", cache / name
+    folder.rename(shared)
+    folder.symlink_to(shared)
+    (path,) = (path for path in shared.iterdir() if path.suffix != ".sha256")
+    path.write_bytes(b"mine")
+    assert prune_cache(2000).count == 0
+    assert clear_cache().count == 1
+    assert path.read_bytes() == b"mine"
+    assert f"{folder}: is a link to {shared}, whose entries stay" in caplog.text
+    assert "no entries of this version" not in caplog.text
+
+
 def test_a_size_without_a_unit_is_refused_before_anything_is_built(
     get: Get, built: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
