@@ -92,7 +92,10 @@ def add(
 
 @assets.command()
 def remove() -> None:
-    """Remove the asset packages, which specs may need to run; what you changed stays."""
+    """Remove the asset packages, which specs may need to run.
+
+    Files that you changed stay, and are named.
+    """
     from advercity.assets.model_store import open_model_store
     from advercity.assets.texture_store import open_texture_store
     from advercity.texture_packs import TEXTURE_PACKS
