@@ -35,7 +35,6 @@ from tests.render_builders import (
 
 HINT = "light and fog are not compared with Mitsuba; `scripts/setup_peers` installs it"
 mitsuba: Any = pytest.importorskip("mitsuba", reason=HINT)
-mitsuba.set_variant("scalar_rgb")
 
 pytestmark = pytest.mark.render
 
@@ -49,6 +48,12 @@ Solid = tuple[Triple, Triple, str]
 GROUND: Solid = (0.0, 0.0, -0.5), (400.0, 400.0, 1.0), "concrete"
 WALL: Solid = (13.0, 1.0, 2.0), (2.0, 6.0, 4.0), "plaster"
 BOX: Solid = (7.0, -2.0, 0.75), (1.5, 1.5, 1.5), "plaster"
+
+
+@pytest.fixture(autouse=True)
+def scalar_variant() -> None:
+    """The backend with Mitsuba activates another one in the process."""
+    mitsuba.set_variant("scalar_rgb")
 
 
 @pytest.fixture(autouse=True)
