@@ -8,17 +8,19 @@ pixels that differ most (lenses and their mirror images, on which everything wou
 median.
 
 Light is the ratio of mean luminances by class, where all pictures show that class, to those of
-SAPIEN's packs, without a denoiser. Of every class the hundredth part that is brightest in the
-raster, which has no noise, is left out for the same reason. Ratios of SAPIEN's packs to each other
+SAPIEN's packs, without a denoiser: of the picture of many samples to the raster, and to a traced
+picture of the profile `full`. Of every class the hundredth parts that are brightest in the raster
+and in the picture of many samples, which have little noise, are left out for the same reason: some
+show edges of lenses, others not. Ratios of SAPIEN's packs to each other
 show how much of a difference is Mitsuba's.
 
-    python benchmarks/agreement.py [--scale 0.1] [--samples 16] [SPEC ...]
+    python benchmarks/agreement.py [--scale 0.1] [SPEC ...]
 """
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -42,13 +44,27 @@ LEAST_PIXELS = 200
 KEPT_FRACTION = 0.99
 
 
-def render(backend: str, spec: Path, profile: RenderProfile, frame_index: int) -> CameraCapture:
-    """Render the picture; the index of the frame chooses random numbers alone."""
+@dataclass(frozen=True)
+class Picture:
+    """How a picture is rendered; the index of its frame chooses random numbers alone."""
+
+    backend: str
+    profile: RenderProfile
+    frame_index: int = FRAME
+
+
+def render(spec: Path, pictures: Sequence[Picture]) -> list[CameraCapture]:
+    """Render pictures of one scenario, frame and camera."""
     scene = BenchmarkScene(spec, FRAME)
-    (view, *_) = scene.list_views(scene.ego, profile)
-    with load_backend(backend).open(scene.world, scene.air, profile) as renderer:
-        renderer.place(replace(scene.frame, index=frame_index))
-        return renderer.render_camera(view)
+    captures: list[CameraCapture] = []
+    for picture in pictures:
+        (view, *_) = scene.list_views(scene.ego, picture.profile)
+        with load_backend(picture.backend).open(
+            scene.world, scene.air, picture.profile
+        ) as renderer:
+            renderer.place(replace(scene.frame, index=picture.frame_index))
+            captures.append(renderer.render_camera(view))
+    return captures
 
 
 def compute_luminance(capture: CameraCapture) -> FloatArray:
@@ -56,19 +72,12 @@ def compute_luminance(capture: CameraCapture) -> FloatArray:
     return (capture.radiance @ LUMINANCE_WEIGHTS).astype(float)
 
 
-def measure_noise(pool: ProcessPoolExecutor, spec: Path, scale: float) -> Iterator[str]:
-    """Measure the noise of Mitsuba's picture, as rows of a table."""
-    full = RENDER_PROFILES["full"].with_scale(scale)
-    raw = replace(full, denoise=False)
-    many = replace(raw, samples=raw.samples * REFERENCE_FACTOR)
-    expected = compute_luminance(pool.submit(render, "mitsuba", spec, many, FRAME).result())
-    for profile, name in ((raw, "as traced"), (full, "denoised")):
-        # With the random numbers of the reference, its first samples would be the same.
-        found = pool.submit(render, "mitsuba", spec, profile, FRAME + 1).result()
-        error = np.abs(compute_relative_error(compute_luminance(found), expected))
-        kept = np.sort(error, axis=None)[: int(KEPT_FRACTION * error.size)]
-        rms, median = float(np.sqrt((kept**2).mean())), float(np.median(kept))
-        yield f"| {spec.stem} | {name} | {rms:.1%} | {median:.1%} |"
+def measure_noise(found: CameraCapture, reference: CameraCapture) -> str:
+    """Measure the noise of a picture, as cells of a table."""
+    expected = compute_luminance(reference)
+    error = np.abs(compute_relative_error(compute_luminance(found), expected))
+    kept = np.sort(error, axis=None)[: int(KEPT_FRACTION * error.size)]
+    return f"{np.sqrt((kept**2).mean()):.1%} | {np.median(kept):.1%}"
 
 
 def compute_relative_error(found: FloatArray, expected: FloatArray) -> FloatArray:
@@ -76,29 +85,19 @@ def compute_relative_error(found: FloatArray, expected: FloatArray) -> FloatArra
     return (found - expected) / np.maximum(expected, 0.01 * expected.mean())
 
 
-def measure_light(
-    pool: ProcessPoolExecutor, spec: Path, scale: float, samples: int
-) -> Iterator[str]:
-    """Measure the light of Mitsuba's picture by class, as rows of a table."""
-    traced = replace(RENDER_PROFILES["full"], scale=scale, samples=samples, denoise=False)
-    many = replace(traced, samples=samples * REFERENCE_FACTOR)
-    wanted = {
-        "mitsuba": ("mitsuba", many),
-        "raster": ("sapien", RENDER_PROFILES["preview"].with_scale(scale)),
-        "traced": ("sapien", traced),
-    }
-    captures = {
-        name: pool.submit(render, backend, spec, profile, FRAME).result()
-        for name, (backend, profile) in wanted.items()
-    }
+def measure_light(captures: Mapping[str, CameraCapture]) -> Iterator[str]:
+    """Measure the light of Mitsuba's picture by class, as cells of rows of a table."""
     classes = [capture.semantic for capture in captures.values()]
     same: NDArray[np.bool_] = np.all([one == classes[0] for one in classes], axis=0)
     light = {name: compute_luminance(capture) for name, capture in captures.items()}
+    judges = light["raster"], light["mitsuba"]
     for semantic in Semantic:
         where = same & (classes[0] == semantic)
         if np.count_nonzero(where) < LEAST_PIXELS:
             continue
-        kept = light["raster"][where] <= np.quantile(light["raster"][where], KEPT_FRACTION)
+        kept: NDArray[np.bool_] = np.all(
+            [one[where] <= np.quantile(one[where], KEPT_FRACTION) for one in judges], axis=0
+        )
         mean = {name: float(one[where][kept].mean()) for name, one in light.items()}
         ratios = [
             mean["mitsuba"] / mean["raster"],
@@ -107,7 +106,30 @@ def measure_light(
         ]
         cells = " | ".join(f"{ratio:.2f}" for ratio in ratios)
         name, area = semantic.name.lower(), float(where.mean())
-        yield f"| {spec.stem} | {name} | {area:.1%} | {mean['mitsuba']:.3g} | {cells} |"
+        yield f"{name} | {area:.1%} | {mean['mitsuba']:.3g} | {cells}"
+
+
+def measure(pool: ProcessPoolExecutor, spec: Path, scale: float) -> tuple[list[str], list[str]]:
+    """Measure a scenario; returns rows of the table of noise, and of that of light."""
+    full = RENDER_PROFILES["full"].with_scale(scale)
+    raw = replace(full, denoise=False)
+    many = replace(raw, samples=raw.samples * REFERENCE_FACTOR)
+    wanted = [
+        Picture("mitsuba", many),
+        # With the random numbers of the reference, its first samples would be the same.
+        Picture("mitsuba", raw, FRAME + 1),
+        Picture("mitsuba", full, FRAME + 1),
+        Picture("sapien", RENDER_PROFILES["preview"].with_scale(scale)),
+    ]
+    reference, few, denoised, raster = pool.submit(render, spec, wanted).result()
+    # SAPIEN's two packs of shaders do not mix in a process.
+    (traced,) = pool.submit(render, spec, [Picture("sapien", raw)]).result()
+    captures = {"mitsuba": reference, "raster": raster, "traced": traced}
+    noise = [
+        f"| {spec.stem} | {name} | {measure_noise(found, reference)} |"
+        for name, found in (("as traced", few), ("denoised", denoised))
+    ]
+    return noise, [f"| {spec.stem} | {cells} |" for cells in measure_light(captures)]
 
 
 def main() -> None:
@@ -115,19 +137,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("specs", nargs="*", type=Path, default=SPECS, metavar="SPEC")
     parser.add_argument("--scale", type=float, default=0.1, help="of the authored image size")
-    parser.add_argument("--samples", type=int, default=16, help="of SAPIEN's traced picture")
     arguments = parser.parse_args()
-    # Two packs of shaders do not mix in a process.
+    light: list[str] = []
     with ProcessPoolExecutor(1, mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
         print("| scenario | picture | RMS error | median |\n|---|---|---|---|")
         for spec in arguments.specs:
-            for row in measure_noise(pool, spec, arguments.scale):
-                print(row, flush=True)
-        print("\n| scenario | class | area | cd/m² | over raster | over traced | traced/raster |")
-        print("|---|---|---|---|---|---|---|")
-        for spec in arguments.specs:
-            for row in measure_light(pool, spec, arguments.scale, arguments.samples):
-                print(row, flush=True)
+            noise, found = measure(pool, spec, arguments.scale)
+            light += found
+            print(*noise, sep="\n", flush=True)
+    print("\n| scenario | class | area | cd/m² | over raster | over traced | traced/raster |")
+    print("|---|---|---|---|---|---|---|")
+    print(*light, sep="\n")
 
 
 if __name__ == "__main__":
