@@ -1,11 +1,15 @@
 """Where sensors are on their carriers."""
 
-import math
+from __future__ import annotations
 
-from advercity_dsl import Mount
+import math
+from typing import TYPE_CHECKING
 
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
+
+if TYPE_CHECKING:
+    from advercity_dsl import Mount
 
 
 def carrier_from_sensor(mount: Mount) -> Matrix:
