@@ -74,19 +74,19 @@ def _kill_command(
     _run_to_end(command, whole)
     whole_s = time.perf_counter() - begin
     print(f"{' '.join(command[:2])}: {whole_s:.1f} s, {len(_hash_tree(whole))} files", flush=True)
-    kills, wrong, series, has_stranger = 0, 0, 1, False
+    kills, kills_of_series, wrong, series, has_stranger = 0, 0, 0, 1, False
     while kills < wanted_kills:
         delay_s = moments.uniform(0.3, 0.95) * whole_s
         begin = time.perf_counter()
         if _run_and_kill(command, killed, delay_s):
-            kills += 1
+            kills, kills_of_series = kills + 1, kills_of_series + 1
             print(f"kill {kills}: after {delay_s:.1f} s, {_format_progress(killed)}", flush=True)
             has_stranger = _add_stranger(killed) or has_stranger
         else:
-            # The machine may be less busy than during the first run.
-            whole_s = max(0.8 * whole_s, time.perf_counter() - begin)
+            if not kills_of_series:  # the machine may be less busy than during the first run
+                whole_s = time.perf_counter() - begin
             wrong += _has_differences(killed, whole, has_stranger)
-            series, has_stranger = series + 1, False
+            series, kills_of_series, has_stranger = series + 1, 0, False
             shutil.rmtree(killed)
     _run_to_end(command, killed)
     wrong += _has_differences(killed, whole, has_stranger)
