@@ -124,6 +124,8 @@ class ActorState:
     """Box of a pedestrian in its pose, without umbrella; set from the body, not part of the
     trace."""
     motion: BodyMotion = AT_REST
+    has_led_headlamps: bool = False
+    """Whether its headlamps have LEDs instead of halogen bulbs; not part of the trace."""
     tail_light_ratio: float = 1.0
     """Light of its tail lamps that a camera collects, relative to their mean; not part of the
     trace."""

@@ -12,6 +12,8 @@ LED_COLOUR: Colour = (1.39, 0.94, 0.50)
 """White LEDs of street lamps, 4000 K."""
 HALOGEN_COLOUR: Colour = (1.68, 0.87, 0.33)
 """Halogen headlamps, 3200 K."""
+LED_HEADLAMP_COLOUR: Colour = (1.08, 0.99, 0.86)
+"""Headlamps of LEDs, 5700 K."""
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 """Luminance of the linear sRGB primaries (ITU-R BT.709)."""

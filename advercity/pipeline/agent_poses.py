@@ -46,6 +46,7 @@ from advercity.sensors.sensor_frame import (
 from advercity.traffic.figures import assign_figures, number_figures
 from advercity.traffic.weather_effects import (
     apply_lamp_state,
+    fit_led_headlamps,
     light_high_beams,
     may_use_high_beams,
     raise_umbrellas,
@@ -87,6 +88,8 @@ class AgentPoses:
         people = assign_figures(self._traced(index), self._figures)
         shown = raise_umbrellas(people, weather.rain.rate_mm_h, seed=seed)
         lit = apply_lamp_state(shown, weather.lamps)
+        if weather.time == "night":
+            lit = fit_led_headlamps(lit, weather.lamps.led, self.spec.blueprints, seed=seed)
         if may_use_high_beams(weather, self.spec.road.land_use):
             lit = light_high_beams(lit, weather.lamps.high_beam, seed=seed)
         return replace(lit, states=(*lit.states, *self._parked))

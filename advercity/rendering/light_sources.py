@@ -9,7 +9,12 @@ from numpy.typing import NDArray
 from advercity.frames import ActorState, Frame, Lamp, Signal
 from advercity.geometry.poses import transform_points
 from advercity.physics.lamp_beams import LampPattern, LightSource
-from advercity.physics.photometry import HALOGEN_COLOUR, LED_COLOUR, Colour
+from advercity.physics.photometry import (
+    HALOGEN_COLOUR,
+    LED_COLOUR,
+    LED_HEADLAMP_COLOUR,
+    Colour,
+)
 from advercity.signal_heads import SIGNAL_HEADS, GovernedTraffic
 from advercity.world import SignalLamp, StreetLamp, World
 
@@ -27,7 +32,9 @@ LOW_BEAM_CD: dict[ActorClass, float] = {
     "motorcycle": 20e3,
     "bicycle": 1e3,
 }
-"""Peak intensity of a vehicle's low beams together (UN R112 class B, R113)."""
+"""Peak intensity of a vehicle's low beams of halogen bulbs together (UN R112 class B, R113)."""
+LED_LOW_BEAM_RATIO = 1.15
+"""Peak of a low beam of LEDs, relative to one of a halogen bulb; so it has 1.2 times its light."""
 HIGH_BEAM_CD: dict[ActorClass, float] = {
     "car": 100e3,
     "van": 100e3,
@@ -110,15 +117,21 @@ def _iterate_vehicle_lights(state: ActorState, unobstructed_m: float) -> Iterato
     half_length_m = length / 2.0 + LAMP_BODY_CLEARANCE_M
     rear = transform_points(pose, [-half_length_m, 0.0, LAMP_HEIGHT_M])
     sides = (0.0,) if state.actor.actor_class in TWO_WHEELER_CLASSES else (1.0, -1.0)
-    for lamp, pattern, by_class in (
-        (Lamp.LOW_BEAM, LampPattern.LOW_BEAM, LOW_BEAM_CD),
-        (Lamp.HIGH_BEAM, LampPattern.HIGH_BEAM, HIGH_BEAM_CD),
+    low_beam, ratio, colour = (
+        (LampPattern.LED_LOW_BEAM, LED_LOW_BEAM_RATIO, LED_HEADLAMP_COLOUR)
+        if state.has_led_headlamps
+        else (LampPattern.LOW_BEAM, 1.0, HALOGEN_COLOUR)
+    )
+    vehicle = state.actor.actor_class
+    for lamp, pattern, both_cd in (
+        (Lamp.LOW_BEAM, low_beam, ratio * LOW_BEAM_CD.get(vehicle, 0.0)),
+        (Lamp.HIGH_BEAM, LampPattern.HIGH_BEAM, HIGH_BEAM_CD.get(vehicle, 0.0)),
     ):
-        beam_cd = by_class.get(state.actor.actor_class, 0.0) / len(sides)
+        beam_cd = both_cd / len(sides)
         for left in sides if lamp in state.lamps and beam_cd > 0.0 else ():
             y = left * LOW_BEAM_OFFSET_FRACTION * state.actor.size[1]
             front = tuple(transform_points(pose, [half_length_m, y, LAMP_HEIGHT_M]))
-            yield LightSource(pattern, front, tuple(ahead), beam_cd, HALOGEN_COLOUR, unobstructed_m)
+            yield LightSource(pattern, front, tuple(ahead), beam_cd, colour, unobstructed_m)
     if Lamp.FOG in state.lamps:
         low = tuple(transform_points(pose, [half_length_m, 0.0, FOG_LAMP_HEIGHT_M]))
         down = np.cos(FOG_LAMP_TILT_RAD) * ahead - np.sin(FOG_LAMP_TILT_RAD) * pose[:3, 2]

@@ -4,11 +4,12 @@ The trace holds what drivers do, so that all weathers share it; these functions 
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from advercity_dsl import Weather
+from advercity_dsl import Blueprint, Weather
 from advercity_dsl.weather_components import Lamps
 
 from advercity.frames import ActorState, Frame, Lamp
@@ -45,6 +46,31 @@ def _apply_lamps(state: ActorState, lamps: Lamps, time_s: float) -> ActorState:
     if lamps.fog and actor_class not in ("bicycle", "motorcycle"):
         lit |= Lamp.FOG
     return replace(state, lamps=lit)
+
+
+def fit_led_headlamps(
+    frame: Frame, fraction: float, blueprints: Mapping[str, Blueprint], *, seed: int
+) -> Frame:
+    """Fit headlamps of LEDs to the motor vehicles that have them; the same ones in every frame.
+
+    Args:
+        frame: With halogen headlamps.
+        fraction: Fraction of the vehicles whose blueprint does not say what they have.
+        blueprints: By name; vehicles of others count as if theirs did not say.
+        seed: Seed of the traffic.
+    """
+
+    def has_leds(state: ActorState) -> bool:
+        actor = state.actor
+        if actor.actor_class in ("pedestrian", "bicycle"):
+            return False
+        declared = blueprints[actor.blueprint].headlamps if actor.blueprint in blueprints else None
+        if declared:
+            return declared == "led"
+        return _draw_threshold(seed, "led_headlamps", actor.id) < fraction
+
+    states = tuple(replace(state, has_led_headlamps=has_leds(state)) for state in frame.states)
+    return replace(frame, states=states)
 
 
 MIN_HIGH_BEAM_VISIBILITY_M = 1000.0
@@ -133,5 +159,5 @@ def raise_umbrellas(frame: Frame, rain_mm_h: float, *, seed: int) -> Frame:
 
 
 def _draw_threshold(seed: int, what: str, actor_id: int) -> float:
-    """Draw the fraction of umbrellas raised, or beams used, from which on an actor's is one."""
+    """Draw the fraction of umbrellas, high beams or LEDs from which on an actor has one."""
     return float(create_generator(seed, what, actor_id).random())

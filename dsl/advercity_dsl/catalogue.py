@@ -207,6 +207,8 @@ class Blueprint(CompactModel):
     """Fractions of paint colours; those of real traffic if not given."""
     lamps: LampPositions = LampPositions()
     """Positions of lamps, if they differ from its lamp glasses."""
+    headlamps: Literal["halogen", "led"] | None = None
+    """Light sources of its headlamps; without them, `lamps.led` of the weather has the fraction."""
     looks: PedestrianAppearance | None = None
     """Appearance of a pedestrian; derived from the blueprint's id if not given."""
     model: BodyModel | None = None

@@ -335,7 +335,7 @@ class Night(Model):
     """Mean illuminance of the road by street lamps."""
 
 
-HIGH_BEAM_USERS = 0.48
+HIGH_BEAM_USERS, LED_HEADLAMPS = 0.48, 0.3
 
 
 class Lamps(Model):
@@ -349,3 +349,7 @@ class Lamps(Model):
     """Fraction of drivers who use high beams where they may: by night, on roads without street
     lamps, in a visibility of 1 km, and with nobody ahead whom they dazzle. Drivers used them for
     48 % of the time that they could (Borzendowski, Stafford Sewall and Tyrrell 2015)."""
+    led: Fraction = Field(default=LED_HEADLAMPS, exclude_if=lambda v: v == LED_HEADLAMPS)
+    """Fraction of motor vehicles with headlamps of LEDs; others have halogen bulbs, and blueprints
+    may declare which. The default is an assumption: of vehicles on the road in the USA more than
+    80 % had halogen bulbs in 2015 (AAA), and newer counts by class and year were not found."""

@@ -9,6 +9,7 @@ from advercity.geometry.arrays import Float64Array
 from advercity.physics.lamp_beams import (
     FRONT_FOG_BEAM,
     HIGH_BEAM,
+    LED_LOW_BEAM,
     LENS,
     LOW_BEAM,
     LampBeam,
@@ -82,7 +83,7 @@ def test_the_cutoff_is_as_soft_as_the_lamp_is_sharp(
 def test_an_even_beam_has_the_light_of_the_peaked_one() -> None:
     """The integral of exp(-((x + 1.8) / 2.8)²) from the cut-off downwards, by a sum."""
     below_deg = (np.arange(300_000) + 0.5) * 1e-4
-    for beam in (LOW_BEAM, FRONT_FOG_BEAM, HIGH_BEAM):
+    for beam in (LOW_BEAM, LED_LOW_BEAM, FRONT_FOG_BEAM, HIGH_BEAM):
         off = (beam.peak_below_cutoff_deg - below_deg) / beam.below_width_deg
         assert beam.equivalent_height_deg == pytest.approx(1e-4 * np.exp(-(off**2)).sum(), rel=1e-4)
 
@@ -132,10 +133,11 @@ def test_every_pattern_shines_with_its_candelas_the_way_it_faces() -> None:
         {
             LampPattern.STREET: 1000 * math.cos(0.1),
             LampPattern.LOW_BEAM: 1000 * LOW_BEAM.relative_intensity(AHEAD, down)[0],
+            LampPattern.LED_LOW_BEAM: 1000 * LED_LOW_BEAM.relative_intensity(AHEAD, down)[0],
             LampPattern.LENS: 1000 * LENS.relative_intensity(np.array(math.cos(0.1))),
             LampPattern.FOG_BEAM: 1000 * FRONT_FOG_BEAM.relative_intensity(AHEAD, down)[0],
             # 0.1 rad below the axis.
             LampPattern.HIGH_BEAM: 1000 * math.exp(-((math.degrees(0.1) / 3.5) ** 2)),
         }
     )
-    assert [pattern.value for pattern in LampPattern] == [0, 1, 2, 3, 4]  # shaders know them
+    assert [pattern.value for pattern in LampPattern] == [0, 1, 2, 3, 4, 5]  # shaders know them

@@ -11,6 +11,7 @@ from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
 from advercity.geometry import poses
 from advercity.materials import MATERIALS
 from advercity.physics.lamp_beams import LampPattern, LightSource, intensity_towards
+from advercity.physics.photometry import LED_HEADLAMP_COLOUR, black_body_colour
 from advercity.rendering.lamp_lenses import (
     LENS_KINDS,
     build_signal_lenses,
@@ -92,6 +93,18 @@ def test_low_beams_are_dipped_and_as_strong_as_the_rules_ask():
     apart_m = abs(beams[0].position[0] - beams[1].position[0])
     assert apart_m == pytest.approx(1.4, abs=0.15)
     assert all(beam.facing == pytest.approx((0.0, 1.0, 0.0), abs=1e-9) for beam in beams)
+
+
+def test_headlamps_of_leds_are_whiter_and_have_a_pattern_of_their_own():
+    (halogen,) = frame(Lamp.LOW_BEAM | Lamp.HIGH_BEAM).states
+    led = Frame(0, 0.0, (replace(halogen, has_led_headlamps=True),), {})
+    front = [lamp for lamp in list_light_sources(EMPTY, led) if lamp.colour != RED_LAMP_COLOUR]
+    assert [lamp.pattern for lamp in front] == [
+        *[LampPattern.LED_LOW_BEAM] * 2,
+        *[LampPattern.HIGH_BEAM] * 2,
+    ]
+    assert {lamp.colour for lamp in front} == {LED_HEADLAMP_COLOUR}
+    np.testing.assert_allclose(LED_HEADLAMP_COLOUR, black_body_colour(5700.0), atol=0.005)
 
 
 def test_a_motorcycle_has_one_beam_and_no_fog_lamps():

@@ -14,6 +14,7 @@ from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.physics.lamp_beams import (
     HIGH_BEAM,
+    LED_LOW_BEAM,
     LOW_BEAM,
     LampBeam,
     LampPattern,
@@ -21,7 +22,7 @@ from advercity.physics.lamp_beams import (
 )
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture, CameraView
-from advercity.rendering.light_sources import HIGH_BEAM_CD
+from advercity.rendering.light_sources import HIGH_BEAM_CD, LED_LOW_BEAM_RATIO
 from advercity.sensors.camera import CameraConditions, CameraExposure, render_image
 from advercity.sensors.camera.electronics import find_white_point
 from advercity.sensors.camera.optics import (
@@ -97,7 +98,8 @@ def test_a_sunlit_road_is_grey_with_a_little_warmth_at_most() -> None:
     assert 0.9 < shown[0] / shown[2] < 1.25
 
 
-# UN R112, class B, right-hand traffic: degrees to the right and up, least and most candela.
+# UN R112, class B, right-hand traffic: degrees to the right and up, least and most candela. UN R149
+# has the same for class C, which LEDs may meet.
 R112_POINTS = {
     "B50L": (-3.43, 0.57, 0, 350),
     "BR": (2.5, 1.0, 0, 1750),
@@ -117,17 +119,43 @@ R112_POINTS = {
 }
 
 
+HALOGEN, LED = (LOW_BEAM, 20e3), (LED_LOW_BEAM, 20e3 * LED_LOW_BEAM_RATIO)
+
+
+@pytest.mark.parametrize(("beam", "peak_cd"), [HALOGEN, LED])
 @pytest.mark.parametrize("name", R112_POINTS)
-def test_a_low_beam_is_within_the_limits_of_its_regulation(name: str) -> None:
+def test_a_low_beam_is_within_the_limits_of_its_regulation(
+    name: str, beam: LampBeam, peak_cd: float
+) -> None:
     h_deg, v_deg, least, most = R112_POINTS[name]
-    candela = 20e3 * low_beam_fraction(h_deg, v_deg)
-    assert least <= candela <= (most or 44_100)
+    assert least <= peak_cd * beam_fraction(beam, h_deg, v_deg) <= (most or 44_100)
 
 
-def test_a_low_beam_does_not_light_the_road_before_it_more_than_twice_as_much_as_ahead() -> None:
+@pytest.mark.parametrize("beam", [LOW_BEAM, LED_LOW_BEAM])
+def test_a_low_beam_does_not_light_the_road_before_it_more_than_twice_as_much_as_ahead(
+    beam: LampBeam,
+) -> None:
     """Zone I of UN R112: at most twice the intensity at 50R."""
-    near = [low_beam_fraction(h_deg, v_deg) for h_deg in (-9, 0, 9) for v_deg in (-1.72, -3, -6)]
-    assert max(near) <= 2.0 * low_beam_fraction(1.72, -0.86)
+    near = [beam_fraction(beam, h_deg, v_deg) for h_deg in (-9, 0, 9) for v_deg in (-1.72, -3, -6)]
+    assert max(near) <= 2.0 * beam_fraction(beam, 1.72, -0.86)
+
+
+def sharpness(beam: LampBeam) -> float:
+    """UN R112, annex 9: the largest fall of the logarithm in 0.1 degrees, 2.5 degrees left."""
+    candela = [beam_fraction(beam, -2.5, -0.55 + 0.01 * step) for step in range(200)]
+    return float(np.max(np.log10(candela[:-10]) - np.log10(candela[10:])))
+
+
+def test_leds_have_a_sharper_cutoff_within_the_limits_of_their_regulation() -> None:
+    assert 0.13 < sharpness(LOW_BEAM) < sharpness(LED_LOW_BEAM) < 0.40
+
+
+def test_leds_light_both_sides_of_the_road_more() -> None:
+    for h_deg in (-25, 25, 35):
+        halogen, led = (
+            peak_cd * beam_fraction(beam, h_deg, -2.0) for beam, peak_cd in (HALOGEN, LED)
+        )
+        assert led > 1.2 * halogen
 
 
 @pytest.mark.parametrize(
@@ -161,18 +189,15 @@ def test_a_high_beam_shines_as_far_up_as_down() -> None:
         assert up == pytest.approx(down, rel=0.01)
 
 
-def test_a_low_beam_lights_signs_as_its_regulation_demands() -> None:
+@pytest.mark.parametrize(("beam", "peak_cd"), [HALOGEN, LED])
+def test_a_low_beam_lights_signs_as_its_regulation_demands(beam: LampBeam, peak_cd: float) -> None:
     """Points 1 to 3, 4 degrees up, and 4 to 6, 2 degrees up, together."""
     upper, lower = (
-        sum(20e3 * low_beam_fraction(h_deg, v_deg) for h_deg in (-side_deg, 0.0, side_deg))
+        sum(peak_cd * beam_fraction(beam, h_deg, v_deg) for h_deg in (-side_deg, 0.0, side_deg))
         for side_deg, v_deg in ((8.0, 4.0), (4.0, 2.0))
     )
     assert upper >= 190
     assert lower >= 375
-
-
-def low_beam_fraction(h_deg: float, v_deg: float) -> float:
-    return beam_fraction(LOW_BEAM, h_deg, v_deg)
 
 
 def beam_fraction(beam: LampBeam, h_deg: float, v_deg: float) -> float:

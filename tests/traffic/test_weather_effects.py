@@ -5,13 +5,14 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from advercity_dsl import ActorClass, Weather
+from advercity_dsl import ActorClass, Blueprint, Weather
 from advercity_dsl.weather_components import Lamps
 
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
 from advercity.traffic.weather_effects import (
     apply_lamp_state,
+    fit_led_headlamps,
     light_high_beams,
     may_use_high_beams,
     raise_umbrellas,
@@ -154,7 +155,7 @@ def test_a_vehicle_that_crawls_keeps_its_low_beams():
     assert dazzles(meeting((400.0, 0.0), 180.0, speed_m_s=9.0))
 
 
-def test_as_many_drivers_use_high_beams_as_declared():
+def thousand_cars() -> Frame:
     states = tuple(
         ActorState(
             replace(CAR, id=number),
@@ -165,8 +166,43 @@ def test_as_many_drivers_use_high_beams_as_declared():
         )
         for number in range(1, 1001)
     )
-    found = light_high_beams(Frame(0, 0.0, states, {}), 0.48, seed=3).states
+    return Frame(0, 0.0, states, {})
+
+
+def test_as_many_drivers_use_high_beams_as_declared():
+    found = light_high_beams(thousand_cars(), 0.48, seed=3).states
     assert sum(Lamp.HIGH_BEAM in state.lamps for state in found) == pytest.approx(480, abs=50)
+
+
+def test_as_many_vehicles_have_leds_as_declared_and_the_same_ones_in_every_frame():
+    def with_leds(fraction: float) -> set[int]:
+        fitted = fit_led_headlamps(thousand_cars(), fraction, {}, seed=3)
+        return {state.actor.id for state in fitted.states if state.has_led_headlamps}
+
+    some = with_leds(0.3)
+    assert len(some) == pytest.approx(300, abs=50)
+    assert some < with_leds(0.6)
+    assert some == with_leds(0.3)
+
+
+@pytest.mark.parametrize(("declared", "expected"), [("halogen", False), ("led", True)])
+def test_a_blueprint_may_say_what_its_headlamps_have(
+    declared: Literal["halogen", "led"], expected: bool
+) -> None:
+    blueprint = Blueprint(
+        actor_class="car", length_m=4.9, width_m=2.1, height_m=1.5, headlamps=declared
+    )
+    fitted = fit_led_headlamps(
+        frame(Lamp.LOW_BEAM), 1.0 - expected, {CAR.blueprint: blueprint}, seed=3
+    )
+    assert fitted.get_state(101).has_led_headlamps == expected
+
+
+def test_bicycles_and_people_have_no_headlamps_of_cars():
+    for actor_class in ("bicycle", "pedestrian"):
+        actor = replace(CAR, actor_class=actor_class)
+        fitted = fit_led_headlamps(frame(Lamp.LOW_BEAM, actor=actor), 1.0, {}, seed=3)
+        assert not fitted.get_state(101).has_led_headlamps
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,6 @@ from advercity.geometry.arrays import Float32Array, FloatArray
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.lamp_beams import (
     BEAMS,
-    FRONT_FOG_BEAM,
-    HIGH_BEAM,
     LENS,
     LOW_BEAM,
     LampPattern,
@@ -192,11 +190,7 @@ def fetch_lamp(lamps: Any, row: Any, active: Any = True) -> Lamp:
 
 def is_beam(lamp: Lamp) -> Any:
     """Whether a lamp is a headlamp."""
-    return (
-        (lamp.pattern == int(LampPattern.LOW_BEAM))
-        | (lamp.pattern == int(LampPattern.FOG_BEAM))
-        | (lamp.pattern == int(LampPattern.HIGH_BEAM))
-    )
+    return (lamp.pattern != int(LampPattern.STREET)) & (lamp.pattern != int(LampPattern.LENS))
 
 
 def compute_intensity_fraction(light: Light, lamp: Lamp, ray: Any, distance: Any) -> Any:
@@ -211,12 +205,12 @@ def compute_intensity_fraction(light: Light, lamp: Lamp, ray: Any, distance: Any
 
 
 def _compute_beam_fraction(lamp: Lamp, ray: Any, depth: Any) -> Any:
-    is_fog = lamp.pattern == int(LampPattern.FOG_BEAM)
-    is_high = lamp.pattern == int(LampPattern.HIGH_BEAM)
-
     def pick(name: str) -> Any:
-        low, fog, high = (getattr(beam, name) for beam in (LOW_BEAM, FRONT_FOG_BEAM, HIGH_BEAM))
-        return dr.select(is_high, mi.Float(high), dr.select(is_fog, mi.Float(fog), low))
+        picked = mi.Float(getattr(LOW_BEAM, name))
+        for pattern, beam in BEAMS.items():
+            is_other = lamp.pattern == int(pattern)
+            picked = dr.select(is_other, mi.Float(getattr(beam, name)), picked)
+        return picked
 
     forward = dr.dot(ray, lamp.facing)
     level = dr.rsqrt(dr.maximum(lamp.facing.x**2 + lamp.facing.y**2, 1e-6))

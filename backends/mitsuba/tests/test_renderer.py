@@ -113,6 +113,21 @@ def test_lamps_are_as_bright_as_sapiens(backend: MitsubaBackend, extinction: flo
     assert brightness(found).mean() == pytest.approx(brightness(expected).mean(), rel=0.03)
 
 
+@pytest.mark.parametrize("led", [False, True])
+def test_headlamps_have_the_pattern_that_sensors_know(backend: MitsubaBackend, led: bool) -> None:
+    (state,) = build_frame((-3.0, 0.0, 0.0)).states
+    lit = replace(state, lamps=Lamp.LOW_BEAM, has_led_headlamps=led)
+    frame, night = Frame(0, 0.0, (lit,), {}), build_clear_air(night=True)
+    found, expected = (
+        render(one, night, world=build_world(), frame=frame)
+        for one in (backend, load_backend("sapien"))
+    )
+    ahead = brightness(expected) > 0.05 * brightness(expected).max()
+    assert np.count_nonzero(ahead) > 50
+    ratio = brightness(found)[ahead].mean() / brightness(expected)[ahead].mean()
+    assert ratio == pytest.approx(1.0, abs=0.03)
+
+
 def test_a_lamp_among_bright_ones_that_face_away_makes_no_noise(backend: MitsubaBackend) -> None:
     # The far lamp makes the cells large in which lamps are drawn.
     world = build_world(lamps=(StreetLamp((6.0, 0.0, 6.0)), StreetLamp((800.0, 0.0, 6.0))))

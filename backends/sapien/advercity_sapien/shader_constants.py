@@ -20,6 +20,7 @@ from advercity.physics import water
 from advercity.physics.lamp_beams import (
     FRONT_FOG_BEAM,
     HIGH_BEAM,
+    LED_LOW_BEAM,
     LENS,
     LOW_BEAM,
     LampBeam,
@@ -145,6 +146,7 @@ def _format_constants() -> Iterator[str]:
         yield f"const vec2 {name}_REACH_HALF_SIZE = vec2({size});"
     yield from ("", "struct LampBeam {", *(f"  float {name};" for name in BEAM_FIELDS), "};")
     yield _format_beam("LOW_BEAM", LOW_BEAM)
+    yield _format_beam("LED_LOW_BEAM", LED_LOW_BEAM)
     yield _format_beam("FRONT_FOG_BEAM", FRONT_FOG_BEAM)
     yield _format_beam("HIGH_BEAM", HIGH_BEAM)
 

@@ -107,11 +107,14 @@ def test_the_road_right_before_a_vehicle_is_lit_at_any_position(opened: Open) ->
         np.testing.assert_allclose(other, seen[0], rtol=0.05, atol=0.01 * seen[0].max())
 
 
-@pytest.mark.parametrize("lamps", [Lamp.LOW_BEAM, Lamp.FOG, Lamp.HIGH_BEAM])
-def test_beams_have_the_pattern_that_sensors_know(opened: Open, lamps: Lamp) -> None:
+@pytest.mark.parametrize(
+    ("lamps", "led"),
+    [(Lamp.LOW_BEAM, False), (Lamp.LOW_BEAM, True), (Lamp.FOG, False), (Lamp.HIGH_BEAM, False)],
+)
+def test_beams_have_the_pattern_that_sensors_know(opened: Open, lamps: Lamp, led: bool) -> None:
     """On a wall 10 m ahead, at the height of the lamps and below."""
     wall = world_of(build_box((11.5, 0.0, 0.0), (1.0, 30.0, 4.0), "white"))
-    frame = frame_of(state(1, (0.0, 0.0, 0.0), lamps=lamps))
+    frame = frame_of(replace(state(1, (0.0, 0.0, 0.0), lamps=lamps), has_led_headlamps=led))
     view = view_of(pose_matrix((1.0, 0.0, 0.7)), size=(180, 180))
     with opened(wall, air_of(night=True)) as renderer:
         renderer.place(frame)

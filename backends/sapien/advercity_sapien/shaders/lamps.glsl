@@ -29,7 +29,7 @@ struct Lamp {
 float lampSizeSquared(Lamp l) { return l.kind == LAMP_FOG_BEAM ? 0.4 : 0.01; }
 
 bool isBeam(Lamp l) {
-  return l.kind == LAMP_LOW_BEAM || l.kind == LAMP_FOG_BEAM || l.kind == LAMP_HIGH_BEAM;
+  return l.kind != LAMP_STREET && l.kind != LAMP_LENS;
 }
 
 // Lamp of an entry of a list: one from COLUMNS on stands for both of a pair.
@@ -177,6 +177,7 @@ float lensFraction(float cosine) {
 float intensityFraction(Lamp l, vec3 ray, float distance) {
   float depth = narrowDepth(distance);
   if (l.kind == LAMP_LOW_BEAM) return beamIntensity(LOW_BEAM, l.facing, ray, depth);
+  if (l.kind == LAMP_LED_LOW_BEAM) return beamIntensity(LED_LOW_BEAM, l.facing, ray, depth);
   if (l.kind == LAMP_FOG_BEAM) return beamIntensity(FRONT_FOG_BEAM, l.facing, ray, depth);
   if (l.kind == LAMP_HIGH_BEAM) return beamIntensity(HIGH_BEAM, l.facing, ray, depth);
   float cosine = max(dot(l.facing, ray), 0.0);

@@ -21,6 +21,7 @@ const int LAMP_LOW_BEAM = 1;
 const int LAMP_LENS = 2;
 const int LAMP_FOG_BEAM = 3;
 const int LAMP_HIGH_BEAM = 4;
+const int LAMP_LED_LOW_BEAM = 5;
 const int LENS_LAMP_WHITE = 1;
 const int LENS_LAMP_RED = 2;
 const int LENS_SIGNAL_RED = 3;
@@ -95,5 +96,6 @@ struct LampBeam {
   float horizontalSquared;
 };
 const LampBeam LOW_BEAM = LampBeam(0.57, 0.27, 2.07, 0.12, 0.018, 1.8, 4.06142, 0.0, 1.0, 7.84, 225.0, 288.0);
+const LampBeam LED_LOW_BEAM = LampBeam(0.57, 0.27, 2.07, 0.09, 0.016, 1.8, 3.52958, -0.0352116, 4.0, 5.29, 225.0, 392.0);
 const LampBeam FRONT_FOG_BEAM = LampBeam(0.0, 0.0, 0.0, 0.2, 0.018, 1.0, 4.07524, 0.0, 0.0, 12.25, 225.0, 800.0);
 const LampBeam HIGH_BEAM = LampBeam(-12.0, 0.0, 0.0, 0.5, 0.0, 12.0, 6.20358, -8.89821, 0.0, 12.25, 250000.0, 50.0);
