@@ -38,6 +38,10 @@ from advercity_mitsuba.surfaces import SurfaceFlag
 from advercity_mitsuba.variant import dr, mi
 
 MAX_PANES = 6
+GOLDEN_RATIO = 0.61803399
+"""Steps of this much are even in [0, 1) after any number of them."""
+FIRST_MIRRORED = 0.5
+"""Fraction of samples that the first pane mirrors: most glass mirrors less, but a bright sky."""
 MIRROR_ALPHA = 0.1
 """Lobes narrower than this show lamps where paths hit their lenses; wider ones sample the lamps, so
 that no light is counted twice."""
@@ -118,13 +122,15 @@ def trace_radiance(
     def add_sample(number: Any, random: Any, total: Any, lenses: Any) -> tuple[Any, ...]:
         offset = mi.Point2f(0.5) + mi.Float(number) * mi.Point2f(0.75487767, 0.56984029)
         ray, _ = build_camera_ray(camera, pixel, offset - dr.floor(offset))
-        path = _trace_path(scene, camera, ray, path_depth, random)
+        at_pane = first_at_pane + mi.Float(number) * GOLDEN_RATIO
+        path = _trace_path(scene, camera, ray, path_depth, random, at_pane - dr.floor(at_pane))
         return number + 1, path.random, total + path.radiance, lenses + path.lenses
 
     def goes_on(number: Any, *_: Any) -> Any:
         return number < samples
 
     random = mi.PCG32(initstate=mi.UInt64(seed), initseq=mi.UInt64(pixel))
+    first_at_pane = random.next_float32()
     _, _, total, lenses = dr.while_loop(
         (mi.UInt32(0), random, mi.Color3f(0.0), mi.Color3f(0.0)),
         goes_on,
@@ -141,6 +147,7 @@ class _Path:
     Attributes:
         radiance: What it has found so far.
         lenses: What came to the camera straight from the lens of a lamp, besides that.
+        at_pane: Number in [0, 1) by which the first pane mirrors, even over the samples of a pixel.
     """
 
     origin: Any
@@ -151,6 +158,7 @@ class _Path:
     throughput: Any
     depth: Any
     panes: Any
+    at_pane: Any
     mirrored: Any
     sees_lenses: Any
     travelled: Any
@@ -159,7 +167,7 @@ class _Path:
 
 
 def _trace_path(
-    scene: Scene, camera: Camera, direction: Any, path_depth: Any, random: Any
+    scene: Scene, camera: Camera, direction: Any, path_depth: Any, random: Any, at_pane: Any
 ) -> _Path:
     """Trace a path from the camera to its end."""
 
@@ -185,12 +193,12 @@ def _trace_path(
     def goes_on(path: _Path) -> Any:
         return path.active
 
-    start = _start_path(scene, camera, direction, random)
+    start = _start_path(scene, camera, direction, random, at_pane)
     (end,) = dr.while_loop((start,), goes_on, step, labels=("path",))
     return end
 
 
-def _start_path(scene: Scene, camera: Camera, direction: Any, random: Any) -> _Path:
+def _start_path(scene: Scene, camera: Camera, direction: Any, random: Any, at_pane: Any) -> _Path:
     origin, light = mi.Point3f(camera.eye), scene.light
     crossing = trace_visible(scene, origin, direction)
     radiance = mi.Color3f(0.0)
@@ -211,6 +219,7 @@ def _start_path(scene: Scene, camera: Camera, direction: Any, random: Any) -> _P
         throughput=mi.Color3f(1.0),
         depth=mi.UInt32(0),
         panes=mi.UInt32(0),
+        at_pane=mi.Float(at_pane),
         mirrored=mi.Bool(True),
         sees_lenses=mi.Bool(True),
         travelled=mi.Float(0.0),
@@ -239,20 +248,28 @@ def _offset(path: _Path) -> Any:
 
 
 def _cross_pane(scene: Scene, path: _Path, hit: Hit) -> _Path:
-    """Pass a pane of glass, or be mirrored by it."""
+    """Pass a pane of glass, or be mirrored by it.
+
+    The first that the camera sees gets as many samples of either: drawn by reflectance, a few of a
+    bright sky would be speckles that the denoiser takes for a pattern.
+    """
     direction, away = path.direction, _offset(path)
     outside = hit.position + away * hit.normal
     face = build_pane_face(hit.normal)
     shine = _compute_sunlight(scene, face, -direction, outside, path.active)
     cosine = dr.dot(direction, hit.normal)
-    reflected = path.random.next_float32() < compute_pane_reflectance(cosine)
+    reflectance = compute_pane_reflectance(cosine)
+    is_first = (path.panes == 0) & (path.depth == 0)
+    chance = dr.select(is_first, FIRST_MIRRORED, reflectance)
+    reflected = dr.select(is_first, path.at_pane, path.random.next_float32()) < chance
+    passed = GLASS_TRANSMITTANCE * (1.0 - reflectance) / (1.0 - chance)
     mirror = direction - 2.0 * cosine * hit.normal
     return replace(
         path,
         origin=mi.Point3f(hit.position + away * dr.select(reflected, hit.normal, direction)),
         direction=mi.Vector3f(dr.select(reflected, mirror, direction)),
         radiance=path.radiance + path.throughput * shine,
-        throughput=path.throughput * dr.select(reflected, 1.0, GLASS_TRANSMITTANCE),
+        throughput=path.throughput * dr.select(reflected, reflectance / chance, passed),
         panes=path.panes + 1,
     )
 

@@ -146,6 +146,27 @@ def test_a_lamp_among_bright_ones_that_face_away_makes_no_noise(backend: Mitsuba
     assert np.median(np.abs(error)) < 0.1
 
 
+def test_the_sky_in_a_pane_makes_no_noise(
+    backend: MitsubaBackend, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    set_matt_materials(monkeypatch, black=0.0)
+    corners = np.array([[x, y, x + 2.7] for x in (-2.5, -1.5) for y in (-0.9, 0.9)], np.float32)
+    triangles = np.array([[0, 1, 3], [0, 3, 2]], np.int32)
+    pane = Mesh("pane", corners, triangles, "glass", Semantic.VEHICLE)
+    inside = build_box((0.5, 0, 0.75), (3, 1.8, 1.5), "black", Semantic.VEHICLE)
+    world = replace(build_world(), bodies={"car": Body((pane, inside), CAR_SIZE)})
+    (state,) = build_frame((8.0, 0.0, 0.0)).states
+    ahead = Frame(0, 0.0, (replace(state, world_from_body=pose_matrix((8.0, 0.0, 0.0))),), {})
+    few, many = (
+        brightness(render(backend, DAY, world=world, frame=ahead, samples=samples))
+        for samples in (16, 256)
+    )
+    # The pane without its edges.
+    mirrored = few[20:25, 28:36], many[20:25, 28:36]
+    assert 50.0 < mirrored[1].min() < mirrored[1].max() < 400.0
+    assert np.std(mirrored[0] / mirrored[1]) < 0.1
+
+
 def test_the_denoiser_leaves_lenses_as_they_are(backend: MitsubaBackend) -> None:
     lens = build_box((-2.01, 0.5, 0.6), (0.02, 0.2, 0.2), "lamp_white", Semantic.VEHICLE)
     car = build_world().bodies["car"]
