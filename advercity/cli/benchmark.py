@@ -35,6 +35,9 @@ _DeviceOption = Annotated[str, typer.Option(help="Device of PyTorch: cpu, cuda."
 def train(
     dataset: DatasetArgument,
     output: Annotated[Path, typer.Option(help="File of the detector.", dir_okay=False)],
+    sensor: Annotated[
+        str, typer.Option(help="What it sees: lidar, or camera (fusion none only).")
+    ] = "lidar",
     fusion: Annotated[
         str, typer.Option(help="none (also for late fusion), early or intermediate.")
     ] = "none",
@@ -52,20 +55,23 @@ def train(
     ideal_channel: _IdealOption = False,
     device: _DeviceOption = "cpu",
 ) -> None:
-    """Train the baseline, a small cooperative LiDAR detector.
+    """Train the baseline, a small cooperative detector of LiDAR clouds or camera images.
 
     The file is written every 100 steps. A run that was cut short goes on where it was. Needs the
     extra benchmark: pip install 'advercity[benchmark]'.
     """
-    from advercity.benchmark.detector.checkpoint import TrainingRecord
+    from advercity.benchmark.detector.checkpoint import TrainingRecord, check_sensor
     from advercity.benchmark.detector.clouds import check_fusion
     from advercity.benchmark.detector.training import TrainingProgress, train_detector
 
     def report(progress: TrainingProgress) -> None:
         print_remark(f"{progress.step}/{progress.steps} steps: loss {progress.loss:.3f}")
 
+    seen = check_sensor(sensor)
+    known = ("none", "early", "intermediate") if seen == "lidar" else ("none",)
     record = TrainingRecord(
-        fusion=check_fusion(fusion, ("none", "early", "intermediate")),
+        sensor=seen,
+        fusion=check_fusion(fusion, known),
         steps=steps,
         batch=batch,
         learning_rate=learning_rate,
@@ -92,6 +98,10 @@ def predict(
     output: Annotated[
         Path, typer.Option(help="File for the predictions (JSON Lines).", dir_okay=False)
     ],
+    camera: Annotated[
+        Path | None,
+        typer.Option(help="Detector of images whose boxes are added (none, late).", dir_okay=False),
+    ] = None,
     fusion: Annotated[
         str | None,
         typer.Option(
@@ -113,6 +123,7 @@ def predict(
         detector,
         dataset,
         output,
+        camera=camera,
         fusion=None if fusion is None else check_fusion(fusion, FUSIONS),
         frames=parse_frame_slice(frames),
         is_ideal=ideal_channel,

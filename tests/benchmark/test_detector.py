@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -12,15 +13,19 @@ from advercity.benchmark.detector.boxes import (
     count_cells,
     draw_targets,
     drop_overlapping,
+    fuse_sensors,
 )
 from advercity.benchmark.detector.clouds import load_cloud, load_clouds
+from advercity.benchmark.detector.images import CAMERA_AREA, check_cameras, load_images
 from advercity.benchmark.detector.samples import make_sample, merge_clouds
 from advercity.benchmark.predictions import load_predictions
 from advercity.cli import main
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import Dataset
+from advercity.errors import InputError
 from advercity.geometry.poses import pose_matrix, transform_points
 from advercity.randomness import create_generator
+from advercity.semantics import Semantic
 
 HINT = "install the extra benchmark for PyTorch, in an environment of its own"
 AREA = (16.0, 8.0)
@@ -63,6 +68,53 @@ def test_of_boxes_that_overlap_the_one_with_the_highest_score_stays() -> None:
     np.testing.assert_array_equal(boxes, [BOXES[1], moved[0]])
 
 
+def test_what_lidar_and_camera_both_find_is_where_the_lidar_has_it_and_more_certain() -> None:
+    seen = BOXES[[0, 0, 1]] + np.array([[1.5, -1, 0, 0, 0, 0, 0], [0.1] * 7, [9.0] * 7])
+    boxes, scores = fuse_sensors((BOXES, np.array([0.6, 0.3])), (seen, np.array([0.5, 0.2, 0.4])))
+    np.testing.assert_array_equal(boxes, [*BOXES, seen[2]])
+    np.testing.assert_allclose(scores, [1 - 0.4 * 0.5, 0.3, 0.4])
+    alone, _ = fuse_sensors((BOXES[:0], np.empty(0)), (BOXES, np.ones(2)))
+    np.testing.assert_array_equal(alone, BOXES)
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_the_cell_of_a_vehicle_is_where_the_images_show_it(two_roads: Path, mirror: float) -> None:
+    frame = Dataset(two_roads)[0]
+    moved = np.diag([1.0, mirror, 1.0, 1.0]) @ pose_matrix((0, 0, 0), yaw=0.2)
+    shown = 0
+    for view in frame.views.values():
+        cloud, boxes = load_cloud(view), view.boxes
+        map_from_world = moved @ np.linalg.inv(
+            view.world_from_lidar @ pose_matrix((0, 0, cloud.ground_m))
+        )
+        places = load_images(cloud, moved).places[:, 1]
+        for row in np.flatnonzero((boxes.visible_fraction > 0.9) & (boxes.classes != "pedestrian")):
+            middle = transform_points(map_from_world, boxes.world_from_box[row, :3, 3])
+            cell = np.floor(middle[:2] + CAMERA_AREA).astype(int)
+            if not ((cell >= 0) & (cell < count_cells(CAMERA_AREA))).all():
+                continue
+            for camera, place in enumerate(places[:, *cell]):
+                if np.abs(place).max() < 0.9:
+                    tags = view.semantic(camera)
+                    x, y = (place * [mirror, 1.0] + 1.0) / 2.0 * tags.shape[::-1]
+                    shown += tags[int(y), int(x)] == Semantic.VEHICLE
+    assert shown >= 5
+
+
+def test_images_that_show_nothing_are_named(
+    two_roads: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = list(Dataset(two_roads))
+    check_cameras(frames)
+    for image, message in (
+        (np.zeros((16, 16, 3), np.uint8), "images of 16x16 pixels, too few"),
+        (np.zeros((90, 160, 3), np.uint8), "images of one colour; generate it with a rig"),
+    ):
+        monkeypatch.setattr(AgentView, "image", MagicMock(return_value=image))
+        with pytest.raises(InputError, match=message):
+            check_cameras(frames)
+
+
 def test_an_ideal_exchange_puts_the_clouds_of_all_stations_in_one_frame(two_roads: Path) -> None:
     frame = Dataset(two_roads)[0]
     clouds = load_clouds(frame, "early", is_ideal=True)
@@ -101,8 +153,9 @@ def test_a_sample_turns_and_mirrors_points_and_boxes_alike(two_roads: Path) -> N
         sample = make_sample(frame, "intermediate", rng, is_ideal=True)
         peaks = compute_cell_centres(sample.areas[0])[sample.heat == 1.0]
         assert len(peaks) == 3
-        own = sample.clouds[0][:, :2]
-        for station, pose in zip(sample.clouds[1:], sample.poses[1:], strict=True):
+        clouds = [np.asarray(item) for item in sample.recorded]
+        own = clouds[0][:, :2]
+        for station, pose in zip(clouds[1:], sample.poses[1:], strict=True):
             assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
             own = np.concatenate([own, transform_points(pose, station[:, :3])[:, :2]])
         for peak in peaks:  # points of the vehicle are around it, wherever it was moved
@@ -111,15 +164,16 @@ def test_a_sample_turns_and_mirrors_points_and_boxes_alike(two_roads: Path) -> N
     assert len(seen) > 1
 
 
+@pytest.mark.parametrize("sensor", ["lidar", "camera"])
 def test_training_goes_on_after_a_kill_with_the_weights_of_a_run_without(
-    two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sensor: Any
 ) -> None:
     torch = pytest.importorskip("torch", reason=HINT)
     from advercity.benchmark.detector import training
     from advercity.benchmark.detector.checkpoint import TrainingRecord, load_checkpoint
 
     monkeypatch.setattr(training, "SAVE_EVERY", 1)
-    record = TrainingRecord(steps=3, batch=1, channels=8)
+    record = TrainingRecord(sensor=sensor, steps=3, batch=1, channels=8)
     training.train_detector(two_roads, tmp_path / "whole.pt", record)
 
     def stop(progress: Any) -> None:
@@ -173,6 +227,41 @@ def test_a_trained_detector_predicts_with_every_fusion(
         run("evaluate", path, two_roads, "--frames", "1:")
 
 
+def test_boxes_of_cameras_are_added_to_those_of_the_cloud_of_each_station(
+    two_roads: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pytest.importorskip("torch", reason=HINT)
+    cloud, images = tmp_path / "cloud.pt", tmp_path / "images.pt"
+
+    def run(*arguments: object) -> tuple[int, str]:
+        code, text = run_command(monkeypatch, capsys, *arguments)
+        return code, " ".join(text.split())
+
+    small = ("--steps", 2, "--batch", 1, "--channels", 8)
+    assert run("train", two_roads, "--output", cloud, *small)[0] == 0
+    assert run("train", two_roads, "--output", images, "--sensor", "camera", *small)[0] == 0
+
+    def predict(name: str, *arguments: object) -> tuple[int, str]:
+        end = ("--output", tmp_path / name, "--frames", "1:2", "--ideal-channel")
+        return run("predict", *arguments, *end)
+
+    assert predict("none", images, two_roads)[0] == 0
+    assert predict("late", cloud, two_roads, "--camera", images, "--fusion", "late")[0] == 0
+    assert len(load_predictions(tmp_path / "late").frames) == 2
+    for message, arguments in (
+        ("sees images, which have no early fusion", (images, two_roads, "--fusion", "early")),
+        ("sees clouds; --camera takes one", (cloud, two_roads, "--camera", cloud)),
+        ("and the first sees images", (images, two_roads, "--camera", images)),
+        ("not early", (cloud, two_roads, "--camera", images, "--fusion", "early")),
+    ):
+        code, text = predict("failed", *arguments)
+        assert code == 2
+        assert message in text
+
+
 def test_targets_are_read_back_as_the_boxes_that_they_are_of() -> None:
     torch = pytest.importorskip("torch", reason=HINT)
     from advercity.benchmark.detector.prediction import read_boxes
@@ -224,6 +313,8 @@ def test_a_station_s_features_arrive_where_the_ego_sees_its_place() -> None:
     ("arguments", "message"),
     [
         (("train", "{data}", "--fusion", "late"), "--fusion late: no such fusion"),
+        (("train", "{data}", "--sensor", "sonar"), "--sensor sonar: no such sensor"),
+        (("train", "{data}", "--sensor", "camera", "--fusion", "early"), "no such fusion"),
         (("train", "{data}", "--fusion", "early"), "has no messages: its suite names no channel"),
         (("train", "{data}", "--frames", "90:"), "has no frame among those of --frames"),
         (("train", "{data}", "--device", "cuda:99"), "--device cuda:99: cannot be used"),

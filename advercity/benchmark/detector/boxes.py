@@ -19,8 +19,12 @@ LEARNED_HEAT = 0.5
 """Cells from which the box is learned: within 1.2 m of its middle."""
 HIGHEST_OVERLAP = 0.15
 """Of two boxes that overlap more, the one with the lower score is dropped."""
+SAME_OBJECT_M = 2.5
+"""Boxes of a LiDAR and of a camera whose middles are nearer are of one object."""
 Area = tuple[float, float]
 """Half length and half width in metres around a LiDAR, multiples of 4 m."""
+FoundBoxes = tuple[Float64Array, Float64Array]
+"""Boxes (n, 7) and their scores (n,)."""
 
 
 def count_cells(area: Area) -> tuple[int, int]:
@@ -77,9 +81,7 @@ def draw_targets(
     return heat.astype(np.float32), learned.astype(np.float32), weights.astype(np.float32)
 
 
-def drop_overlapping(
-    boxes: Float64Array, scores: Float64Array
-) -> tuple[Float64Array, Float64Array]:
+def drop_overlapping(boxes: Float64Array, scores: Float64Array) -> FoundBoxes:
     """Drop boxes (n, 7) that overlap with one of a higher score (n,)."""
     order = np.argsort(-scores, kind="stable")
     boxes, scores = boxes[order], scores[order]
@@ -89,3 +91,23 @@ def drop_overlapping(
         if kept[row]:
             kept[row + 1 :] &= ~overlaps[row, row + 1 :]
     return boxes[kept], scores[kept]
+
+
+def fuse_sensors(lidar: FoundBoxes, camera: FoundBoxes) -> FoundBoxes:
+    """Fuse what a station's LiDAR and cameras find by themselves, in one frame.
+
+    What both find is where the LiDAR has it, since cameras are less sure of distances, with the
+    probability that one of them is right. What one of them finds keeps its score.
+    """
+    boxes, scores = lidar[0], lidar[1].copy()
+    seen, seen_scores = camera
+    if not len(boxes) or not len(seen):
+        return np.concatenate([boxes, seen]), np.concatenate([scores, seen_scores])
+    offsets = seen[:, None, :2] - boxes[None, :, :2]
+    distances_m = np.hypot(offsets[..., 0], offsets[..., 1])
+    nearest = distances_m.argmin(axis=1)
+    is_same = distances_m.min(axis=1) < SAME_OBJECT_M
+    best = np.zeros(len(boxes))
+    np.maximum.at(best, nearest[is_same], seen_scores[is_same])
+    fused = 1.0 - (1.0 - scores) * (1.0 - best)
+    return np.concatenate([boxes, seen[~is_same]]), np.concatenate([fused, seen_scores[~is_same]])

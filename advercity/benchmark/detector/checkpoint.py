@@ -4,9 +4,10 @@ import hashlib
 import io
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from advercity_dsl import Model
+from advercity_dsl.base import suggest_name
 from pydantic import Field, ValidationError
 
 from advercity.benchmark.detector.network import Detector
@@ -17,12 +18,23 @@ from advercity.output_files import write_output
 
 MAX_CHECKPOINT_BYTES = 10**9
 FORMAT_NAME = "advercity-detector"
+Sensor = Literal["lidar", "camera"]
+SENSORS: tuple[Sensor, ...] = get_args(Sensor)
+
+
+def check_sensor(name: str) -> Sensor:
+    """Return the sensor of that name; InputError if it is not known."""
+    for sensor in SENSORS:
+        if sensor == name:
+            return sensor
+    raise InputError(f"--sensor {name}: no such sensor; {suggest_name(name, SENSORS)}")
 
 
 class TrainingRecord(Model):
     """How a detector is trained: a run that was cut short goes on if all of it is the same."""
 
     version: Literal[1] = 1
+    sensor: Sensor = "lidar"
     fusion: Literal["none", "early", "intermediate"] = "none"
     steps: Annotated[int, Field(ge=1, le=10_000_000)] = 3000
     batch: Annotated[int, Field(ge=1, le=1000)] = 2
@@ -55,7 +67,11 @@ class Checkpoint:
 def build_detector(record: TrainingRecord) -> Any:
     """Build the network of a record, with weights drawn from its seed."""
     torch.manual_seed(record.seed)
-    network: Any = Detector(record.channels, has_attention=record.fusion == "intermediate")
+    network: Any = Detector(
+        record.channels,
+        has_attention=record.fusion == "intermediate",
+        has_cameras=record.sensor == "camera",
+    )
     return network.to(memory_format=torch.channels_last)
 
 

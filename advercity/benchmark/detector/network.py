@@ -1,7 +1,8 @@
-"""The network: pillars, a convolutional backbone, attention over stations, and a head for middles.
+"""The network: an encoder of points or images, attention over stations, and a head for middles.
 
-Pillars after PointPillars (Lang and others, CVPR 2019), middles after CenterPoint (Yin and others,
-CVPR 2021), attention over the stations of each cell after OPV2V (Xu and others, ICRA 2022).
+Pillars after PointPillars (Lang and others, CVPR 2019), images sampled at the cells of the map
+after Simple-BEV (Harley and others, ICRA 2023), middles after CenterPoint (Yin and others, CVPR
+2021), attention over the stations of each cell after OPV2V (Xu and others, ICRA 2022).
 """
 
 import math
@@ -9,6 +10,7 @@ import math
 import numpy as np
 
 from advercity.benchmark.detector.boxes import BOX_CHANNELS, Area, compute_cell_centres
+from advercity.benchmark.detector.images import HEIGHTS_M, StationImages
 from advercity.benchmark.detector.pytorch import Tensor, functional, nn, torch
 from advercity.geometry.arrays import Float32Array
 from advercity.geometry.poses import Matrix, invert_pose
@@ -89,43 +91,95 @@ def _compute_heights(points: Tensor, cells: Tensor, shape: list[int]) -> Tensor:
     return points[:, 2] + deepest[places]
 
 
-def _build_block(before: int, after: int, layers: int) -> Tensor:
-    """Build convolutions of which the first halves the map."""
+def _build_block(before: int, after: int, layers: int, stride: int = 2) -> Tensor:
+    """Build convolutions of which the first, with a stride of 2, halves the map."""
     parts: list[Tensor] = []
     for layer in range(layers):
-        stride = 1 if layer else 2
+        step = 1 if layer else stride
         parts += [
-            nn.Conv2d(after if layer else before, after, 3, stride, 1, bias=False),
+            nn.Conv2d(after if layer else before, after, 3, step, 1, bias=False),
             nn.BatchNorm2d(after, eps=1e-3, momentum=0.03),
             nn.ReLU(),
         ]
     return nn.Sequential(*parts)
 
 
-class Encoder(nn.Module):
+def _build_levels(
+    channels: int, widths: tuple[int, ...], *, layers: int, stride: int
+) -> tuple[Tensor, Tensor]:
+    """Build blocks of convolutions, each on half the map, and what merges them."""
+    before, strides = (channels, *widths), (stride, *[2] * (len(widths) - 1))
+    blocks = nn.ModuleList(
+        _build_block(first, width, layers, step)
+        for first, width, step in zip(before, widths, strides, strict=False)
+    )
+    return blocks, nn.ModuleList(nn.Conv2d(width, channels, 1) for width in widths)
+
+
+def _merge_levels(blocks: Tensor, merges: Tensor, level: Tensor) -> Tensor:
+    """Compute what all blocks find, on the map of the first."""
+    merged: Tensor = 0.0
+    for block, merge in zip(blocks, merges, strict=True):
+        level = block(level)
+        part = merge(level)
+        if torch.is_tensor(merged):
+            part = functional.interpolate(part, merged.shape[2:], mode="nearest")
+        merged = merged + part
+    return functional.relu(merged)
+
+
+class CloudEncoder(nn.Module):
     """From points to a feature map with a cell for each square metre."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        widths = (channels, 2 * channels, 2 * channels)
         self.pillars = Pillars(channels)
-        before = (channels, *widths)
-        self.blocks = nn.ModuleList(
-            _build_block(first, width, 3) for first, width in zip(before, widths, strict=False)
-        )
-        self.merge = nn.ModuleList(nn.Conv2d(width, channels, 1) for width in widths)
+        widths = (channels, 2 * channels, 2 * channels)
+        self.blocks, self.merge = _build_levels(channels, widths, layers=3, stride=2)
 
-    def forward(self, points: Tensor, area: Area) -> Tensor:
+    def forward(self, points: Float32Array, area: Area) -> Tensor:
         """Compute a feature map (1, c, nx, ny) of points (n, 4)."""
-        level = self.pillars(points, area)
-        merged: Tensor = 0.0
-        for block, merge in zip(self.blocks, self.merge, strict=True):
-            level = block(level)
-            part = merge(level)
-            if torch.is_tensor(merged):
-                part = functional.interpolate(part, merged.shape[2:], mode="nearest")
-            merged = merged + part
-        return functional.relu(merged)
+        device = self.merge[0].bias.device
+        level = self.pillars(torch.from_numpy(points).to(device), area)
+        return _merge_levels(self.blocks, self.merge, level)
+
+
+class CameraEncoder(nn.Module):
+    """From images to a feature map with a cell for each square metre.
+
+    A cell has the features of the pixels that show it at several heights, the mean of all cameras;
+    and where it is from the station, since vehicles ahead look different from those beside it.
+    """
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.stem = _build_block(3, channels, 1)
+        widths = (channels, 2 * channels, 2 * channels)
+        self.image_blocks, self.image_merge = _build_levels(
+            channels, widths[:2], layers=2, stride=2
+        )
+        self.reduce = nn.Conv2d(len(HEIGHTS_M) * channels + 3, channels, 1)
+        self.blocks, self.merge = _build_levels(channels, widths, layers=2, stride=1)
+
+    def forward(self, station: StationImages, area: Area) -> Tensor:
+        """Compute a feature map (1, c, nx, ny) of the images of a station."""
+        device = self.reduce.bias.device
+        colours = torch.from_numpy(station.colours).to(device).float() / 127.5 - 1.0
+        places = torch.from_numpy(station.places).to(device)
+        features = _merge_levels(self.image_blocks, self.image_merge, self.stem(colours))
+        sampled = functional.grid_sample(features, places.flatten(1, 2), align_corners=False)
+        cameras = (places.abs() < 1.0).all(-1).sum(0).clamp(min=1)
+        mean = sampled.unflatten(2, places.shape[1:3]).sum(0) / cameras
+        where = torch.from_numpy(_describe_cells(area)).to(device)
+        level = functional.relu(self.reduce(torch.cat([mean.flatten(0, 1), where])[None]))
+        return _merge_levels(self.blocks, self.merge, level)
+
+
+def _describe_cells(area: Area) -> Float32Array:
+    """Compute the direction and the distance (3, nx, ny) of cells from the middle."""
+    centres = np.moveaxis(compute_cell_centres(area), -1, 0)
+    distance_m = np.hypot(*centres)
+    return np.stack([*(centres / distance_m), np.log(distance_m) / 4.0]).astype(np.float32)
 
 
 class Attention(nn.Module):
@@ -154,11 +208,13 @@ class Detector(nn.Module):
     Args:
         channels: Width of the feature maps.
         has_attention: Whether feature maps of several stations are fused.
+        has_cameras: Whether it sees images, else points.
     """
 
-    def __init__(self, channels: int, *, has_attention: bool) -> None:
+    def __init__(self, channels: int, *, has_attention: bool, has_cameras: bool = False) -> None:
         super().__init__()
-        self.encoder = Encoder(channels)
+        self.has_cameras = has_cameras
+        self.encoder = CameraEncoder(channels) if has_cameras else CloudEncoder(channels)
         self.attention = Attention(channels) if has_attention else None
         self.head = nn.Sequential(
             nn.Conv2d(channels, channels, 3, 1, 1, bias=False),
@@ -170,10 +226,9 @@ class Detector(nn.Module):
             self.head[-1].bias.zero_()
             self.head[-1].bias[0] = _BIAS
 
-    def encode(self, points: Float32Array, area: Area) -> Tensor:
-        """Compute the feature map (1, c, nx, ny) of a cloud (n, 4) over an area."""
-        device = self.head[-1].bias.device
-        return self.encoder(torch.from_numpy(points).to(device), area)
+    def encode(self, recorded: Float32Array | StationImages, area: Area) -> Tensor:
+        """Compute the feature map (1, c, nx, ny) of a cloud (n, 4), or of images, over an area."""
+        return self.encoder(recorded, area)
 
     def fuse(
         self, maps: list[Tensor], ego_from_stations: list[Matrix], areas: list[Area]

@@ -1,5 +1,6 @@
-"""Samples that the network learns from: clouds of a frame, and the boxes that they show."""
+"""Samples that the network learns from: clouds or images of a frame, and the boxes they show."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.random import Generator
 
 from advercity.benchmark.detector.boxes import Area, draw_targets
 from advercity.benchmark.detector.clouds import Fusion, StationCloud, load_cloud, load_clouds
+from advercity.benchmark.detector.images import CAMERA_AREA, StationImages, load_images
 from advercity.benchmark.truth import RANGE_M, VEHICLES, load_frame_truth, to_box
 from advercity.dataset.reader import FrameView
 from advercity.geometry import poses
@@ -21,6 +23,8 @@ TRAINING_AREA: Area = (100.0, 40.0)
 """What is learned from, for any station: farther away, there is little to learn from."""
 MIN_POINTS = 3
 """Points that an object has to have; what has fewer is neither right nor wrong."""
+MIN_VISIBLE = 0.2
+"""Of an object that cameras learn: its part that one of them shows."""
 MAX_TURN_RAD = 0.3
 """Most by which what a vehicle sees is turned, which is along its street; a unit on a pole looks in
 any direction."""
@@ -31,13 +35,13 @@ class Sample:
     """What the network gets, and what it has to predict.
 
     Attributes:
-        clouds: Points (n, 4) of each station that is encoded by itself.
+        recorded: Points (n, 4), or images, of each station that is encoded by itself.
         poses: (4, 4) from each of them to the first.
         areas: Area of each.
         heat, learned, weights: As of `draw_targets`, for the first.
     """
 
-    clouds: list[Float32Array]
+    recorded: Sequence[Float32Array | StationImages]
     poses: list[Matrix]
     areas: list[Area]
     heat: Float32Array
@@ -45,7 +49,14 @@ class Sample:
     weights: Float32Array
 
 
-def make_sample(frame: FrameView, fusion: Fusion, rng: Generator, *, is_ideal: bool) -> Sample:
+def make_sample(
+    frame: FrameView,
+    fusion: Fusion,
+    rng: Generator,
+    *,
+    is_ideal: bool = False,
+    has_cameras: bool = False,
+) -> Sample:
     """Make a sample of a frame, turned and mirrored at random.
 
     Without fusion it is of any of the frame's stations, since all of them can learn.
@@ -53,7 +64,8 @@ def make_sample(frame: FrameView, fusion: Fusion, rng: Generator, *, is_ideal: b
     if fusion == "none":
         views = list(frame.views.values())
         cloud = load_cloud(views[int(rng.integers(len(views)))])
-        return _draw_sample([cloud], *_load_station_truth(cloud), rng)
+        truth = _load_station_truth(cloud, has_cameras=has_cameras)
+        return _draw_sample([cloud], *truth, rng, has_cameras=has_cameras)
     clouds = load_clouds(frame, fusion, is_ideal=is_ideal)
     truth = load_frame_truth(frame)
     is_learned = truth.is_counted & (truth.points >= MIN_POINTS)
@@ -73,7 +85,9 @@ def merge_clouds(clouds: list[StationCloud]) -> StationCloud:
     return StationCloud(first.view, np.concatenate(moved), first.ground_m, first.ego_from_station)
 
 
-def _load_station_truth(cloud: StationCloud) -> tuple[Float64Array, Float64Array]:
+def _load_station_truth(
+    cloud: StationCloud, *, has_cameras: bool
+) -> tuple[Float64Array, Float64Array]:
     """Load what a station annotates: boxes (n, 7) to learn, and to ignore."""
     annotated = cloud.view.boxes
     pose = cloud.view.world_from_lidar @ poses.pose_matrix((0.0, 0.0, cloud.ground_m))
@@ -82,26 +96,45 @@ def _load_station_truth(cloud: StationCloud) -> tuple[Float64Array, Float64Array
         to_box(one, size) for one, size in zip(station_from_boxes, annotated.sizes, strict=True)
     ]
     boxes = np.array(rows).reshape(-1, 7)
-    is_learned = np.isin(annotated.classes, VEHICLES) & (annotated.lidar_points >= MIN_POINTS)
+    is_seen = annotated.lidar_points >= MIN_POINTS
+    if has_cameras:
+        is_seen = annotated.visible_fraction >= MIN_VISIBLE
+    is_learned = np.isin(annotated.classes, VEHICLES) & is_seen
     return boxes[is_learned], boxes[~is_learned]
 
 
 def _draw_sample(
-    clouds: list[StationCloud], boxes: Float64Array, ignored: Float64Array, rng: Generator
+    clouds: list[StationCloud],
+    boxes: Float64Array,
+    ignored: Float64Array,
+    rng: Generator,
+    *,
+    has_cameras: bool = False,
 ) -> Sample:
-    areas = [TRAINING_AREA, *[STATION_AREA] * (len(clouds) - 1)]
+    first_area = CAMERA_AREA if has_cameras else TRAINING_AREA
+    areas = [first_area, *[STATION_AREA] * (len(clouds) - 1)]
     most = np.pi if clouds[0].view.agent.place.kind == "roadside_unit" else MAX_TURN_RAD
     turn = poses.pose_matrix((0.0, 0.0, 0.0), yaw=float(rng.uniform(-most, most)))
     mirror = np.diag([1.0, rng.choice([-1.0, 1.0]), 1.0, 1.0])
-    points = [cloud.points.copy() for cloud in clouds]
-    points[0][:, :3] = poses.transform_points(turn, points[0][:, :3])
-    for one in points:
-        one[:, 1] *= mirror[1, 1]
     found = [mirror @ turn @ cloud.ego_from_station @ mirror for cloud in clouds]
     targets = draw_targets(
         _move_boxes(boxes, turn, mirror), _move_boxes(ignored, turn, mirror), areas[0]
     )
-    return Sample(points, [np.eye(4), *found[1:]], areas, *targets)
+    recorded: Sequence[Float32Array | StationImages]
+    if has_cameras:
+        recorded = [load_images(clouds[0], mirror @ turn)]
+    else:
+        recorded = _move_points(clouds, turn, mirror)
+    return Sample(recorded, [np.eye(4), *found[1:]], areas, *targets)
+
+
+def _move_points(clouds: list[StationCloud], turn: Matrix, mirror: Matrix) -> list[Float32Array]:
+    """Turn the points of the first cloud, and mirror those of all."""
+    points = [cloud.points.copy() for cloud in clouds]
+    points[0][:, :3] = poses.transform_points(turn, points[0][:, :3])
+    for one in points:
+        one[:, 1] *= mirror[1, 1]
+    return points
 
 
 def _move_boxes(boxes: Float64Array, turn: Matrix, mirror: Matrix) -> Float64Array:

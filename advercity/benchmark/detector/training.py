@@ -19,6 +19,7 @@ from advercity.benchmark.detector.checkpoint import (
     start_from,
 )
 from advercity.benchmark.detector.clouds import check_frames
+from advercity.benchmark.detector.images import check_cameras
 from advercity.benchmark.detector.pytorch import Tensor, functional, nn, select_device, torch
 from advercity.benchmark.detector.samples import Sample, make_sample
 from advercity.benchmark.frame_selection import select_frames
@@ -73,6 +74,8 @@ def train_detector(
     place = select_device(device)
     chosen = select_frames(dataset, frames)
     check_frames(chosen, record.fusion, is_ideal=record.is_ideal)
+    if record.sensor == "camera":
+        check_cameras(chosen)
     record = record.model_copy(
         update={
             "dataset_sha256": _digest_frames(chosen),
@@ -140,6 +143,7 @@ def _take_step(
             record.fusion,
             create_generator("benchmark training", record.seed, step, row),
             is_ideal=record.is_ideal,
+            has_cameras=record.sensor == "camera",
         )
         for row in range(record.batch)
     ]
@@ -166,8 +170,8 @@ def _compute_loss(network: Any, sample: Sample) -> Tensor:
     """Sum the loss over objects: focal for the heat, as of CenterNet, absolute for the boxes."""
     with torch.set_grad_enabled(next(network.encoder.parameters()).requires_grad):
         maps = [
-            network.encode(points, area)
-            for points, area in zip(sample.clouds, sample.areas, strict=True)
+            network.encode(recorded, area)
+            for recorded, area in zip(sample.recorded, sample.areas, strict=True)
         ]
     heat, learned = network.predict(network.fuse(maps, sample.poses, sample.areas))
     wanted, boxes, weights = (
