@@ -230,7 +230,10 @@ def scan(agent: Agent, frame: Frame, world_from_lidar: Matrix) -> LidarScan:
 
 
 def image_of(agent: Agent, camera: Camera, frame: Frame, world_from_camera: Matrix) -> CameraImage:
-    """Sky, and the box of every other actor, nearer ones in front of farther ones."""
+    """Sky, and the box of every other actor, nearer ones in front of farther ones.
+
+    The upper half of a bicycle's box is its rider.
+    """
     rng = create_generator("picture", agent.number, frame.index)
     width, height = (round(side * IMAGE_SCALE) for side in (camera.width_px, camera.height_px))
     semantic = np.full((height, width), Semantic.SKY, dtype=np.uint8)
@@ -249,6 +252,10 @@ def image_of(agent: Agent, camera: Camera, frame: Frame, world_from_camera: Matr
         tag = Semantic.PEDESTRIAN if on_foot else Semantic.VEHICLE
         cv2.fillConvexPoly(semantic, hull, int(tag))
         cv2.fillConvexPoly(instance, hull, state.actor.id)
+        if state.actor.actor_class == "bicycle":
+            is_rider = instance == state.actor.id
+            is_rider[int(hull[..., 1].mean()) :] = False
+            semantic[is_rider] = Semantic.PEDESTRIAN
     return CameraImage(
         world_from_camera=world_from_camera,
         image=rng.integers(0, 256, (height, width, 3), dtype=np.uint8),

@@ -5,8 +5,9 @@
     annotations/instances.json                            boxes and masks
     annotations/panoptic.json                             what the segments are
 
-Boxes enclose the visible pixels. Masks and panoptic images need images of actors' ids, which a rig
-asks for with `truth: [instance]`; without them boxes are exported alone.
+Boxes enclose the visible pixels. As in COCO, a rider is a person of its own, and the box of a
+two-wheeler holds the machine alone. That, masks and panoptic images need images of actors' ids,
+which a rig asks for with `truth: [instance]`; without them there are boxes alone, around both.
 """
 
 from __future__ import annotations
@@ -47,10 +48,13 @@ CATEGORIES = {
 }
 """COCO's id, name and group by class, so that detectors trained on COCO can be evaluated as they
 are. COCO has no vans."""
+RIDDEN_CLASSES = frozenset({"bicycle", "motorcycle"})
 FIRST_STUFF_CATEGORY = 200
 """Category of semantic tag 0 in panoptic images; COCO's own end below."""
 FIRST_STUFF_SEGMENT = 1 << 23
 """Segment of semantic tag 0; ids of actors are below."""
+FIRST_RIDER_SEGMENT = 3 << 22
+"""Segment of the rider of actor 0."""
 Json = dict[str, Any]
 
 
@@ -135,11 +139,15 @@ def _write_images(frame: FrameView, number: int, files: PieceFiles) -> None:
 
 
 def _read_segments(shot: Shot) -> NDArray[np.int32]:
-    """Read the segments (h, w): ids of actors, and of all else by its class; 0 is unlabelled."""
+    """Read the segments (h, w): actors, their riders, and all else by class; 0 is unlabelled."""
     instance = shot.view.instance(shot.camera)
     tags = shot.view.semantic(shot.camera).astype(np.int32)
     stuff = np.where(tags > 0, tags + FIRST_STUFF_SEGMENT, 0)
-    return np.where(instance > 0, instance, stuff).astype(np.int32)
+    objects = shot.view.extras["objects"]
+    ridden = [int(name) for name, one in objects.items() if one["class"] in RIDDEN_CLASSES]
+    is_rider = np.isin(instance, ridden) & (tags == Semantic.PEDESTRIAN)
+    actors = instance + FIRST_RIDER_SEGMENT * is_rider
+    return np.where(instance > 0, actors, stuff).astype(np.int32)
 
 
 def _iterate_shots(dataset: Dataset, files: PieceFiles) -> Iterator[Shot]:
@@ -263,7 +271,7 @@ def _describe_objects(shot: Shot) -> Iterator[Json]:
     Actors that the agent does not annotate, since no beam of its LiDARs hits them, are crowds:
     detecting them is no error, and missing them neither.
     """
-    instance = shot.view.instance(shot.camera) if shot.has_masks else None
+    segments = _read_segments(shot) if shot.has_masks else None
     objects = shot.view.extras["objects"]
     annotated: set[int] = set()
     for name, described in objects.items():
@@ -272,26 +280,49 @@ def _describe_objects(shot: Shot) -> Iterator[Json]:
             continue
         number = int(name)
         annotated.add(number)
+        for kind, outline in _outline_parts(number, described["class"], shown, segments):
+            yield {
+                "image_id": shot.id,
+                "category_id": CATEGORIES["pedestrian" if kind == "rider" else kind][0],
+                **outline,
+                "iscrowd": 0,
+                "object_id": number,
+                "class": kind,
+                **{key: shown[key] for key in ("visible_fraction", "occlusion", "truncation")},
+            }
+    if segments is not None:
+        yield from _describe_crowds(shot, annotated)
+
+
+def _outline_parts(
+    number: int, actor_class: str, shown: Json, segments: NDArray[np.int32] | None
+) -> Iterator[tuple[str, Json]]:
+    """Outline what is visible of an object, and of its rider: box, area and mask by class."""
+    if segments is None:
         left, top, right, bottom = shown["visible_box"]
-        yield {
-            "image_id": shot.id,
-            "category_id": CATEGORIES[described["class"]][0],
-            "bbox": [left, top, right - left, bottom - top],
-            "area": shown["visible_px"],
-            "segmentation": [] if instance is None else _encode_mask(instance == number),
-            "iscrowd": 0,
-            "object_id": number,
-            "class": described["class"],
-            **{key: shown[key] for key in ("visible_fraction", "occlusion", "truncation")},
-        }
-    if instance is not None:
-        yield from _describe_crowds(shot, instance, annotated)
+        box = [left, top, right - left, bottom - top]
+        yield actor_class, {"bbox": box, "area": shown["visible_px"], "segmentation": []}
+        return
+    parts = {actor_class: number}
+    if actor_class in RIDDEN_CLASSES:
+        parts["rider"] = FIRST_RIDER_SEGMENT + number
+    for kind, segment in parts.items():
+        mask = segments == segment
+        if mask.any():
+            yield kind, _outline_mask(mask)
 
 
-def _describe_crowds(
-    shot: Shot, instance: NDArray[np.int32], annotated: set[int]
-) -> Iterator[Json]:
-    tags = shot.view.semantic(shot.camera)
+def _outline_mask(mask: NDArray[np.bool_]) -> Json:
+    """Outline a mask (h, w) with at least a pixel: its box, area and run lengths."""
+    return {
+        "bbox": measure_box(mask),
+        "area": int(mask.sum()),
+        "segmentation": _encode_mask(mask),
+    }
+
+
+def _describe_crowds(shot: Shot, annotated: set[int]) -> Iterator[Json]:
+    instance, tags = shot.view.instance(shot.camera), shot.view.semantic(shot.camera)
     for number in np.unique(instance).tolist():
         if number == 0 or number in annotated:
             continue
@@ -299,9 +330,7 @@ def _describe_crowds(
         yield {
             "image_id": shot.id,
             "category_id": _guess_category(tags[mask]),
-            "bbox": measure_box(mask),
-            "area": int(mask.sum()),
-            "segmentation": _encode_mask(mask),
+            **_outline_mask(mask),
             "iscrowd": 1,
             "object_id": number,
         }
@@ -335,7 +364,9 @@ def _describe_segments(shot: Shot) -> Iterator[Json]:
             continue
         mask = segments == number
         described = objects.get(str(number))
-        if number >= FIRST_STUFF_SEGMENT:
+        if number >= FIRST_RIDER_SEGMENT:
+            category = CATEGORIES["pedestrian"][0]
+        elif number >= FIRST_STUFF_SEGMENT:
             category = FIRST_STUFF_CATEGORY + number - FIRST_STUFF_SEGMENT
         elif described is not None:
             category = CATEGORIES[described["class"]][0]

@@ -15,6 +15,7 @@ from advercity.dataset.agent_view import AgentView
 from advercity.dataset.image_codec import from_instance_colours
 from advercity.dataset.reader import open_dataset
 from advercity.errors import InputError
+from advercity.exports.coco import FIRST_RIDER_SEGMENT
 from advercity.exports.exporting import export_dataset
 from advercity.semantics import Semantic
 from tests.requirements import require
@@ -121,11 +122,37 @@ def test_segments_are_actors_and_classes(exported: Path, masked_dataset: Path) -
             mask = segments == one["id"]
             assert one["area"] == mask.sum()
             category = categories[one["category_id"]]
-            if category["isthing"]:
-                assert_array_equal(mask, instance == one["id"])
+            if one["id"] >= FIRST_RIDER_SEGMENT:
+                rider = (instance == one["id"] - FIRST_RIDER_SEGMENT) & (tags == Semantic.PEDESTRIAN)
+                assert category["name"] == "person"
+                assert_array_equal(mask, rider)
+            elif category["isthing"]:
+                alone = (tags == Semantic.VEHICLE) | (category["name"] != "bicycle")
+                assert_array_equal(mask, (instance == one["id"]) & alone)
             else:
                 tag = Semantic[category["name"].upper()]
                 assert_array_equal(mask, (tags == tag) & (instance == 0))
+
+
+def test_riders_are_people_and_the_boxes_of_bicycles_hold_the_machines_alone(
+    exported: Path, masked_dataset: Path
+) -> None:
+    coco = load(exported)
+    parts = {
+        kind: {row["image_id"]: row for row in coco.anns.values() if row.get("class") == kind}
+        for kind in ("bicycle", "rider")
+    }
+    both = parts["bicycle"].keys() & parts["rider"].keys()
+    assert len(both) > 3
+    for number in both:
+        machine, rider = parts["bicycle"][number], parts["rider"][number]
+        assert (machine["category_id"], rider["category_id"]) == (2, 1)
+        assert machine["object_id"] == rider["object_id"]
+        image = coco.imgs[number]
+        objects = find_view(masked_dataset, image).extras["objects"]
+        shown = objects[str(rider["object_id"])]["cameras"][f"camera{image['camera']}"]
+        assert machine["area"] + rider["area"] == shown["visible_px"]
+        assert rider["bbox"][1] + rider["bbox"][3] <= machine["bbox"][1]
 
 
 def test_actors_that_no_agent_annotates_are_ignored(exported: Path) -> None:
