@@ -17,7 +17,7 @@ from advercity.assets.model_wheels import find_model_wheels
 from advercity.assets.pedestrians import build_pedestrian, build_person, draw_looks
 from advercity.assets.people.storage import read_people
 from advercity.assets.rigged_bodies import fit_to_box
-from advercity.assets.trucks import build_truck
+from advercity.assets.trucks import build_model_cargo_trim, build_truck
 from advercity.assets.two_wheelers import build_bicycle, build_model_rider, build_motorcycle
 from advercity.assets.vehicle_parts import add_indicators, make_vehicle_parts
 from advercity.errors import RunError
@@ -96,6 +96,8 @@ def _build_fitted_body(blueprint_id: str, blueprint: Blueprint, store: ModelStor
             first, *others = (build_person(person, size) for person in read_people(path))
             return replace(first, others=tuple(others))
         parts = [*_load_model_parts(path, actor_class), *_build_lenses(blueprint.lamps)]
+        if actor_class == "truck":
+            parts += build_model_cargo_trim(blueprint_id, parts)
         if actor_class in _PART_BUILDERS:
             parts += build_model_cabin(blueprint_id, parts, is_truck=actor_class == "truck")
         if model.ridden:

@@ -386,6 +386,23 @@ def test_materials_are_classified_by_their_names(shelf: ModelStore):
     }
 
 
+def test_a_white_box_of_a_trucks_model_gets_rear_doors_and_a_stripe_in_the_trucks_paint(
+    shelf: ModelStore,
+):
+    found = {}
+    for colour in ("white_paint", "red_paint"):
+        model = TINY.model_copy(update={"materials": {"body_paint": colour}})
+        truck = Blueprint(
+            actor_class="truck", model=model, length_m=8.88, width_m=3.6, height_m=3.0
+        )
+        found[colour] = points_of(truck, shelf)
+    trimmed, plain = found["white_paint"], found["red_paint"]
+    assert "paint" in trimmed and "paint" not in plain
+    bars = trimmed["metal"].reshape(-1, 3)
+    assert bars[:, 0].min() == pytest.approx(-4.44, abs=0.01)
+    assert np.ptp(bars[bars[:, 0] < -4.4][:, 2]) > 1.0
+
+
 def test_hidden_triangles_are_dropped_and_faces_point_outward(shelf: ModelStore):
     found = points_of(blueprint(TINY), shelf)
     assert "upholstery" not in found
