@@ -123,7 +123,9 @@ def test_segments_are_actors_and_classes(exported: Path, masked_dataset: Path) -
             assert one["area"] == mask.sum()
             category = categories[one["category_id"]]
             if one["id"] >= FIRST_RIDER_SEGMENT:
-                rider = (instance == one["id"] - FIRST_RIDER_SEGMENT) & (tags == Semantic.PEDESTRIAN)
+                rider = (instance == one["id"] - FIRST_RIDER_SEGMENT) & (
+                    tags == Semantic.PEDESTRIAN
+                )
                 assert category["name"] == "person"
                 assert_array_equal(mask, rider)
             elif category["isthing"]:
