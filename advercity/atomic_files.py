@@ -156,6 +156,14 @@ def open_without_links(path: str, flags: int) -> int:
     return os.open(path, flags | more, 0o666)
 
 
+def resolve_links(path: Path) -> Path:
+    """Return the absolute path without links; a loop of links stays, for what opens it to report.
+
+    `Path.resolve` raises a RuntimeError for one.
+    """
+    return Path(os.path.realpath(path))
+
+
 def check_is_no_link(path: Path) -> None:
     """Raise an InputError if files in a folder would be deleted through a link."""
     if path.is_symlink():

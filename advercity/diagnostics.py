@@ -25,6 +25,7 @@ class Diagnostic:
         hint: How to correct it.
         line_text: The line of the file.
         width: Number of characters to underline.
+        origin: The same error in the file that gives the value, if this one inherits it.
     """
 
     path: Path
@@ -35,13 +36,20 @@ class Diagnostic:
     hint: str = ""
     line_text: str = ""
     width: int = 1
+    origin: "Diagnostic | None" = None
+
+    @property
+    def place(self) -> str:
+        """`file:line:column`, or the file as a whole."""
+        return f"{self.path}:{self.line}:{self.column}" if self.line else f"{self.path}"
 
     @property
     def headline(self) -> str:
         """`file:line:column: fog.mor_m: message; hint`."""
-        place = f"{self.path}:{self.line}:{self.column}" if self.line else f"{self.path}"
         value = f" {self.value_path}:" if self.value_path else ""
-        return f"{place}:{value} {self.message}" + (f"; {self.hint}" if self.hint else "")
+        hint = f"; {self.hint}" if self.hint else ""
+        origin = f" (inherited from {self.origin.place})" if self.origin else ""
+        return f"{self.place}:{value} {self.message}{hint}{origin}"
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -75,10 +83,13 @@ def _count_terminal_columns(text: str) -> int:
 
 
 class DiagnosticsError(InputError):
-    """All errors found in some files, without duplicates, in the order of the files."""
+    """All errors found in some files, without duplicates, in the order of the files.
+
+    An error in a file is not listed again for each that inherits from it.
+    """
 
     def __init__(self, *diagnostics: Diagnostic) -> None:
-        unique = dict.fromkeys(diagnostics)
+        unique = [item for item in dict.fromkeys(diagnostics) if item.origin not in diagnostics]
         self.diagnostics = tuple(sorted(unique, key=lambda d: (str(d.path), d.line, d.column)))
         lines = [line for item in self.diagnostics[:MAX_LISTED] for line in item.lines]
         if len(self.diagnostics) > MAX_LISTED:

@@ -102,8 +102,11 @@ def decode_text(raw: bytes, path: Path) -> str:
 
 
 def suggest_path(path: Path) -> str:
-    """Return a hint with the most similar name in the folder of a path, or no hint."""
-    close = difflib.get_close_matches(path.name, [item.name for item in path.parent.glob("*")], n=1)
+    """Return a hint for a path that does not exist: the most similar name there, or none."""
+    names = [item.name for item in path.parent.glob("*")]
+    if path.name in names:
+        return "it is a link that leads nowhere"
+    close = difflib.get_close_matches(path.name, names, n=1)
     return f"did you mean '{path.parent / close[0]}'?" if close else ""
 
 

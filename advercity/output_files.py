@@ -15,6 +15,7 @@ from advercity.atomic_files import (
     name_in_errors,
     open_partial_folder,
     open_without_links,
+    resolve_links,
     sync_files,
 )
 from advercity.data_folder import find_data_folder
@@ -144,7 +145,7 @@ def _has_content(path: Path, digest: str) -> bool:
 
 def _compute_mark(path: Path, digest: str) -> str:
     """Compute the checksum of content at a place: the same may be elsewhere, and not be ours."""
-    place = os.fsencode(path.parent.resolve() / path.name)
+    place = os.fsencode(resolve_links(path.parent) / path.name)
     return hashlib.sha256(f"{digest} at ".encode() + place).hexdigest()
 
 

@@ -3,10 +3,11 @@
     python benchmarks/kill_and_resume.py [SPEC] [--kills 20] [--other-kills 0] [--frames 12]
         [--backend sapien]
 
-The same command is started again after each kill; when it ends, the trees are compared and the next
-series starts from an empty folder. Exit code 1 if any of them differs, `verify` finds a problem, or
-a file of others, which is put among those of the command after each kill, is lost. Only the
-command's own process is killed (SIGKILL); workers of `--jobs` notice that by themselves.
+The same command is started again after each kill, which comes when a random number of bytes is
+written; when it ends, the trees are compared and the next series starts from an empty folder. Exit
+code 1 if any of them differs, `verify` finds a problem, or a file of others, which is put among
+those of the command after each kill, is lost. Only the command's own process is killed (SIGKILL);
+workers of `--jobs` notice that by themselves.
 
 `--kills` are those of `run`, `--other-kills` those of each other command that writes: they work on
 the dataset of the undisturbed run.
@@ -22,7 +23,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from multiprocessing import get_context
 from multiprocessing.context import ForkProcess
 from pathlib import Path
@@ -44,6 +45,11 @@ OTHER_COMMANDS = (
     "schema --output OUTPUT",
 )
 STRANGER = "notes_of_others.txt"
+KILLED_RATIO = 0.8
+"""Share of starts that are killed; the others end a series."""
+MEAN_DELAY_S = 0.05
+"""From the moment when a command has written so much to its kill: it may move or tidy files."""
+POLLING_S = 0.02
 
 
 def main() -> int:
@@ -70,23 +76,29 @@ def _kill_command(
 ) -> int:
     """Run a command into `whole`, kill it elsewhere, and return how many results differ."""
     killed = whole.with_name("killed")
-    begin = time.perf_counter()
     _run_to_end(command, whole)
-    whole_s = time.perf_counter() - begin
-    print(f"{' '.join(command[:2])}: {whole_s:.1f} s, {len(_hash_tree(whole))} files", flush=True)
-    kills, kills_of_series, wrong, series, has_stranger = 0, 0, 0, 1, False
+    whole_bytes = _sum_sizes(whole)
+    print(
+        f"{' '.join(command[:2])}: {whole_bytes} bytes, {len(_hash_tree(whole))} files", flush=True
+    )
+    kills, wrong, series, has_stranger = 0, 0, 1, False
     while kills < wanted_kills:
-        delay_s = moments.uniform(0.3, 0.95) * whole_s
-        begin = time.perf_counter()
-        if _run_and_kill(command, killed, delay_s):
-            kills, kills_of_series = kills + 1, kills_of_series + 1
-            print(f"kill {kills}: after {delay_s:.1f} s, {_format_progress(killed)}", flush=True)
+        left = max(0, whole_bytes - _sum_sizes(killed))
+        after_bytes = moments.uniform(0, left)
+        is_killed = moments.random() < KILLED_RATIO and _run_and_kill(
+            command, killed, int(after_bytes), moments.expovariate(1 / MEAN_DELAY_S)
+        )
+        if is_killed:
+            kills += 1
+            print(
+                f"kill {kills}: after {after_bytes:.0f} bytes, {_format_progress(killed)}",
+                flush=True,
+            )
             has_stranger = _add_stranger(killed) or has_stranger
         else:
-            if not kills_of_series:  # the machine may be less busy than during the first run
-                whole_s = time.perf_counter() - begin
+            _run_to_end(command, killed)
             wrong += _has_differences(killed, whole, has_stranger)
-            series, kills_of_series, has_stranger = series + 1, 0, False
+            series, has_stranger = series + 1, False
             shutil.rmtree(killed)
     _run_to_end(command, killed)
     wrong += _has_differences(killed, whole, has_stranger)
@@ -125,15 +137,29 @@ def _run_to_end(command: Sequence[str], output: Path) -> None:
     assert process.exitcode == 0, f"exit code {process.exitcode} of {command}"
 
 
-def _run_and_kill(command: Sequence[str], output: Path, delay_s: float) -> bool:
-    """Start a command and kill it after a delay; False if it ended before."""
+def _run_and_kill(command: Sequence[str], output: Path, after_bytes: int, delay_s: float) -> bool:
+    """Kill a command some time after it has written so much; False if it ended before."""
+    # Unfinished files may be beside the output; how busy the machine is must not matter.
+    before = _sum_sizes(output.parent)
     process = _start(command, output)
+    while process.is_alive() and _sum_sizes(output.parent) - before <= after_bytes:
+        time.sleep(POLLING_S)
     process.join(delay_s)
     if process.is_alive():
         os.killpg(process.pid or 0, signal.SIGKILL)
     process.join()
     assert process.exitcode in (0, -signal.SIGKILL), f"exit code {process.exitcode} of {command}"
     return process.exitcode != 0
+
+
+def _sum_sizes(folder: Path) -> int:
+    """Sum the sizes of the files in a folder, some of which may vanish meanwhile."""
+    total = 0
+    for parent, _, names in os.walk(folder):
+        for name in names:
+            with suppress(FileNotFoundError):
+                total += os.lstat(f"{parent}/{name}").st_size
+    return total
 
 
 def _add_stranger(folder: Path) -> bool:

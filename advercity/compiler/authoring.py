@@ -10,7 +10,7 @@ from advercity_dsl import DECLARATIONS
 from advercity_dsl.base import ID_HINT, ID_PATTERN, suggest_name
 from advercity_dsl.weather_components import Sun
 
-from advercity.atomic_files import write_atomically
+from advercity.atomic_files import resolve_links, write_atomically
 from advercity.compiler.schema import find_schema_file, write_schemas
 from advercity.compiler.source import parse_document
 from advercity.diagnostics import DiagnosticsError
@@ -53,7 +53,7 @@ def write_starter(kind: str, name: str, folder: Path) -> Path:
     """
     schemas = _find_schemas_folder(folder)
     text = format_starter(
-        kind, name, schemas=Path(os.path.relpath(schemas, folder.resolve())).as_posix()
+        kind, name, schemas=Path(os.path.relpath(schemas, resolve_links(folder))).as_posix()
     )
     path = folder / f"{name}.yaml"
     with report_write_errors():
@@ -68,7 +68,7 @@ def write_starter(kind: str, name: str, folder: Path) -> Path:
 
 def _find_schemas_folder(folder: Path) -> Path:
     """Return the nearest existing folder of schemas in a folder or its parents, else a new one."""
-    resolved = folder.resolve()
+    resolved = resolve_links(folder)
     candidates = (parent / SCHEMAS_FOLDER for parent in (resolved, *resolved.parents))
     return next((path for path in candidates if path.is_dir()), resolved / SCHEMAS_FOLDER)
 
@@ -104,7 +104,7 @@ def write_sun_positions(path: Path, suns: Mapping[str, Sun]) -> None:
     if problems := parse_document(path, text).diagnostics:
         raise DiagnosticsError(*problems)
     with report_write_errors():
-        write_atomically(path.resolve(), text.encode())
+        write_atomically(resolve_links(path), text.encode())
 
 
 def _place_sun_entries(lines: list[str], entries: list[str]) -> tuple[int, list[str]] | None:

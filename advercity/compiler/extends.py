@@ -75,9 +75,13 @@ class ResolvedDeclaration:
     def build_diagnostic(
         self, value_path: ValuePath, message: str, *, hint: str = "", key: bool = False
     ) -> Diagnostic:
-        """Build a diagnostic at a value (or key), in the file that gives it."""
-        document = self.find_document(value_path)
-        return document.build_diagnostic(value_path, message, hint=hint, key=key)
+        """Build a diagnostic at a value (or key), at `extends` if the value is inherited."""
+        giver = self.find_document(value_path)
+        found = giver.build_diagnostic(value_path, message, hint=hint, key=key)
+        if giver is self.document:
+            return found
+        own = self.document.build_diagnostic(("extends",), message, hint=hint)
+        return replace(own, value_path=found.value_path, origin=found)
 
 
 def resolve_extends(name: DeclarationKey, documents: Documents) -> ResolvedDeclaration:

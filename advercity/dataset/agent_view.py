@@ -33,7 +33,7 @@ from advercity.dataset.image_codec import (
     from_normal_colours,
     from_semantic_colours,
 )
-from advercity.dataset.radar_files import load_cube
+from advercity.dataset.radar_files import RADAR_POINT, load_cube
 from advercity.documents import MAX_JSON_BYTES, MAX_YAML_BYTES, parse_json, parse_yaml, read_bytes
 from advercity.errors import InputError, describe_cause
 from advercity.geometry import poses
@@ -314,7 +314,7 @@ class AgentView:
         `rcs` in dB over 1 m²; `snr` in dB; `object_id`; `kind` of `PointKind`.
         """
         _check_number("radar", radar, self.radars, self.agent.id)
-        table = read_pcd(self.path(self._format.format_radar_suffix(radar))).copy()
+        table = read_pcd(self.path(self._format.format_radar_suffix(radar)), RADAR_POINT).copy()
         mirror_columns(table)
         return table
 

@@ -146,11 +146,15 @@ def format_pcd_header(count: int, point: np.dtype[np.void], encoding: CloudEncod
     return "\n".join(lines) + "\n"
 
 
-def read_pcd(path: Path) -> NDArray[np.void]:
+def read_pcd(path: Path, point: np.dtype[np.void] = PCD_POINT) -> NDArray[np.void]:
     """Read a binary or compressed PCD as a table (n,) of its header's fields, left-handed.
 
+    Args:
+        path: The file.
+        point: Fields that it must have.
+
     Raises:
-        InputError: The file cannot be read, or is no such PCD.
+        InputError: The file cannot be read, is no such PCD, or has not all of the fields.
     """
     try:
         header, _, rest = read_bytes(path, max_bytes=MAX_CLOUD_BYTES).partition(b"DATA ")
@@ -159,6 +163,7 @@ def read_pcd(path: Path) -> NDArray[np.void]:
     encoding, _, body = rest.partition(b"\n")
     try:
         count, kind = _parse_pcd_header(header.decode("ascii"))
+        _check_fields(kind, point)
         if encoding == b"binary_compressed":
             return _decompress(body, count, kind)
         if encoding != b"binary":
@@ -181,6 +186,14 @@ def _parse_pcd_header(header: str) -> tuple[int, np.dtype[np.void]]:
         for letter, size in zip(entries["TYPE"], entries["SIZE"], strict=True)
     ]
     return int(entries["POINTS"][0]), np.dtype(list(zip(entries["FIELDS"], kinds, strict=True)))
+
+
+def _check_fields(found: np.dtype[np.void], wanted: np.dtype[np.void]) -> None:
+    """Check that a table has fields of these types; ValueError if not."""
+    types = {name: found[name] for name in found.names or ()}
+    for name in wanted.names or ():
+        if types.get(name) != wanted[name]:
+            raise ValueError(f"it has no field '{name}' of type {wanted[name].str}")
 
 
 PLY_POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")])

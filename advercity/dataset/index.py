@@ -15,7 +15,7 @@ from typing import Literal
 from advercity_dsl import Id, Model, Spec
 from pydantic import TypeAdapter, ValidationError
 
-from advercity.atomic_files import move_file, write_file
+from advercity.atomic_files import move_file, resolve_links, write_file
 from advercity.dataset.manifest import Manifest, compute_spec_digest
 from advercity.dataset.partial_files import (
     find_partial_file,
@@ -288,7 +288,9 @@ def _link_folders(folders: dict[str, Path], found: dict[str, list[str]], output:
     check_output(path, hashlib.sha256(content).hexdigest())
     links = {
         # Relative, so that dataset and splits can be moved together.
-        output / split / name: os.path.relpath(folders[name].resolve(), (output / split).resolve())
+        output / split / name: os.path.relpath(
+            resolve_links(folders[name]), resolve_links(output / split)
+        )
         for split, names in found.items()
         for name in names
     }

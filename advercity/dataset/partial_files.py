@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import IO, Annotated
 
 from advercity_dsl import Model
+from advercity_dsl.base import Digest
 from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
 
 from advercity.atomic_files import move_file, open_without_links, sync_files, write_file
@@ -55,7 +56,7 @@ class FileRecord(Model):
     """
 
     size: int
-    sha256: str
+    sha256: Digest
     frame: int | None = Field(default=None, ge=0)
 
     @staticmethod

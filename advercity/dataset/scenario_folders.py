@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
+from advercity.atomic_files import resolve_links
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes, suggest_path
 from advercity.errors import InputError, RunError
 
@@ -34,7 +35,7 @@ def find_scenarios(dataset: Path) -> list[Path]:
             " copy the dataset into a folder first, as `aws s3 sync` does"
         )
     if dataset.name in ("", ".."):
-        dataset = dataset.resolve()  # a scenario goes by the name of its folder
+        dataset = resolve_links(dataset)  # a scenario goes by the name of its folder
     patterns = (MANIFEST_FILE, f"*/{MANIFEST_FILE}", f"*/*/{MANIFEST_FILE}")
     for pattern in patterns:
         found = sorted(path.parent for path in dataset.glob(pattern))
@@ -67,7 +68,7 @@ def find_staging_folder(scenario: Path) -> Path:
     agent; of a link, as in a split, beside the folder that it leads to.
     """
     # `Path.is_symlink` fails in a folder that may not be read, which the caller is to report.
-    real = scenario.resolve() if os.path.islink(scenario) else scenario  # noqa: PTH114
+    real = resolve_links(scenario) if os.path.islink(scenario) else scenario  # noqa: PTH114
     return real.parent / STAGING_FOLDER / real.name
 
 
@@ -101,7 +102,7 @@ def check_is_outside_datasets(output: Path) -> None:
     Raises:
         InputError: It is.
     """
-    for path in (output.absolute(), output.resolve()):
+    for path in (output.absolute(), resolve_links(output)):
         if is_dataset_or_scenario(path):
             raise InputError(f"`output` {output}: is a dataset; name a folder beside it")
         if any(is_dataset_or_scenario(parent) or _has_splits(parent) for parent in path.parents):
@@ -116,7 +117,7 @@ def check_is_outside_scenarios(output: Path) -> None:
     Raises:
         InputError: It is.
     """
-    for path in (output.absolute(), output.resolve()):
+    for path in (output.absolute(), resolve_links(output)):
         for folder in (path, *path.parents):
             if is_scenario(folder):
                 place, dataset = "in a scenario", folder.parent
@@ -140,7 +141,7 @@ def check_is_outside_exports(output: Path, *, may_be_one: bool = False) -> None:
     Raises:
         InputError: It is.
     """
-    for path in (output.absolute(), output.resolve()):
+    for path in (output.absolute(), resolve_links(output)):
         if not may_be_one and _is_export(path):
             raise InputError(f"`output` {output}: is an export; name a folder beside it")
         if any(map(_is_export, path.parents)):

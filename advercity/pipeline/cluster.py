@@ -16,6 +16,7 @@ from typing import Any
 
 from advercity_dsl import Spec
 
+from advercity.atomic_files import resolve_links
 from advercity.dataset.index import EMPTY_INDEX, INDEX_FILE, DatasetIndex, IndexEntry
 from advercity.dataset.manifest import Identity
 from advercity.dataset.remote import SharedScenario, upload_part
@@ -305,7 +306,7 @@ def _check_address(address: str) -> None:
 
 def resolve_output(output: str) -> str:
     """Return a URL unchanged, and a path as every node that shares the folder knows it."""
-    return output if "://" in output else str(Path(output).resolve())
+    return output if "://" in output else str(resolve_links(Path(output)))
 
 
 def _translate_ray_error(error: Exception) -> AdvercityError:

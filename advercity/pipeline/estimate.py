@@ -17,6 +17,7 @@ from statistics import median
 
 from advercity_dsl import Spec
 
+from advercity.atomic_files import resolve_links
 from advercity.dataset.manifest import Manifest
 from advercity.errors import AdvercityError, InputError
 from advercity.pipeline.cache import compute_traffic_key
@@ -404,5 +405,5 @@ def _find_existing_frames(spec: Spec, options: RunOptions) -> set[int]:
 
 def _find_existing_parent(path: Path) -> Path:
     """Find the nearest folder that exists: the path itself, or one above it."""
-    whole = path.resolve()
+    whole = resolve_links(path)
     return next(folder for folder in (whole, *whole.parents) if folder.exists())

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from advercity_dsl import DECLARATIONS
 
+from advercity.atomic_files import resolve_links
 from advercity.dataset.index import INDEX_FILE
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
@@ -51,8 +52,8 @@ def _check_is_no_top_folder(path: Path) -> None:
         return  # it has a dataset by now, which goes on
     tops = {Path(path.absolute().anchor): "the root of the file system"}
     with suppress(RuntimeError):  # a user without a home
-        tops[Path.home().resolve()] = "your home folder"
-    name = tops.get(path.resolve())
+        tops[resolve_links(Path.home())] = "your home folder"
+    name = tops.get(resolve_links(path))
     if name is not None:
         raise InputError(f"`output` {path}: is {name}; name a folder in it")
 

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.atomic_files import resolve_links
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import open_dataset
 from advercity.dataset.scenario_folders import find_scenarios
@@ -143,7 +144,7 @@ def open_recordings(arguments: Sequence[str]) -> list[Recording]:
 def _open_recording(text: str) -> Recording:
     name, separator, path = text.partition("=")
     folder = Path(path if separator else text)
-    name = name if separator else folder.resolve().name
+    name = name if separator else resolve_links(folder).name
     if not folder.is_dir():
         raise InputError(f"{folder}: is no folder")
     if _is_own(folder):

@@ -52,6 +52,25 @@ def test_compile_reports_once_what_does_not_fit_a_conflict(
     assert len(places) == len(set(places)) > 1
 
 
+@pytest.mark.parametrize(
+    ("command", "told"),
+    [
+        ("compile {library} --output LOOP", "File exists"),
+        ("new weather mine --output LOOP", "Too many levels of symbolic links"),
+        ("stats LOOP", "it is a link that leads nowhere"),
+    ],
+)
+def test_a_link_that_leads_to_itself_is_named(
+    command: str, told: str, advercity: Command, library: Path, tmp_path: Path
+) -> None:
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    ran = advercity(*command.format(library=library).replace("LOOP", str(loop)).split())
+    assert (ran.code, ran.out) == (2, "")
+    assert ran.err.startswith(f"error: {loop}")
+    assert told in ran.err
+
+
 def test_compile_of_no_library_is_bad_input(advercity: Command, tmp_path: Path) -> None:
     ran = advercity("compile", tmp_path / "nothing")
     assert ran.code == 2

@@ -55,12 +55,22 @@ def test_the_same_cloud_gives_the_same_bytes(sensor_frames_of: SensorFramesOf) -
         b"POINTS x\nDATA binary\n",
         b"FIELDS x y\nSIZE 4 4\nTYPE F F F\nPOINTS 0\nDATA binary\n",
         b"FIELDS x y z\nSIZE 4 4\nTYPE F F\nPOINTS 0\nDATA binary\n",
+        b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 0\nDATA binary\n",
     ],
 )
 def test_another_file_is_refused_as_a_cloud(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "points.pcd"
     path.write_bytes(content)
     with pytest.raises(InputError, match="not a binary point cloud"):
+        cloud_files.read_pcd(path)
+
+
+def test_a_cloud_with_a_misspelt_field_is_refused_by_name(
+    lidar_like: PointCloud, tmp_path: Path
+) -> None:
+    path = tmp_path / "points.pcd"
+    path.write_bytes(cloud_files.encode_pcd(lidar_like).replace(b"object_id", b"objectXid"))
+    with pytest.raises(InputError, match="no field 'object_id' of type <i4"):
         cloud_files.read_pcd(path)
 
 

@@ -43,7 +43,7 @@ def test_a_recorded_file_that_is_none_is_damage_and_is_not_opened(
     "line",
     [
         *(
-            {path: {"size": 1, "sha256": "a", "frame": frame}}
+            {path: {"size": 1, "sha256": "0" * 64, "frame": frame}}
             for path, frame in [("../x", None), ("\0", 1), (CLOUD, -5), ("+101/000061.pcd", 10**9)]
         ),
         [],
@@ -74,7 +74,7 @@ def test_a_recorded_file_that_no_run_writes_is_not_said_to_be_repaired(
     scenario: Path, sensor_frames_of: SensorFramesOf
 ) -> None:
     (scenario / "notes.txt").write_text("mine")
-    doctor_manifest(scenario, "notes.txt", {"size": 1, "sha256": "a", "frame": 0})
+    doctor_manifest(scenario, "notes.txt", {"size": 1, "sha256": "0" * 64, "frame": 0})
     left = restore_files(scenario, verify_scenario(scenario), sensor_frames_of)
     assert [(problem.path, problem.kind) for problem in left] == [("notes.txt", "changed")]
     assert (scenario / "notes.txt").read_text() == "mine"

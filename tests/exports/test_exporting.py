@@ -581,14 +581,9 @@ def test_a_manifest_that_was_made_to_harm_deletes_nothing(dataset: Path, tmp_pat
     export_dataset("kitti", dataset, output)
     (tmp_path / "precious").write_text("")
     document = json.loads((output / "export.json").read_text())
-    for path in ("../../precious", "a\ud800"):
-        damaged = document["files"] | {
-            path: {
-                "size": 0,
-                "sha256": "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
-                "piece": "samples",
-            }
-        }
+    digest = hashlib.sha256().hexdigest()
+    for path, checksum in (("../../precious", digest), ("a\ud800", digest), ("a", digest[1:])):
+        damaged = document["files"] | {path: {"size": 0, "sha256": checksum, "piece": "samples"}}
         (output / "export.json").write_text(json.dumps(document | {"files": damaged}))
         with pytest.raises((InputError, RunError), match="not the manifest of an export"):
             export_dataset("kitti", dataset, output, fresh=True)

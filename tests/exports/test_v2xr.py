@@ -6,6 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from advercity.dataset.cloud_files import read_pcd
+from advercity.dataset.radar_files import RADAR_POINT
 from advercity.dataset.reader import open_dataset
 from advercity.errors import InputError
 from advercity.exports.exporting import export_dataset
@@ -33,11 +34,11 @@ def test_radars_are_in_the_frame_of_the_lidar(all_radars_dataset: Path, tmp_path
                 assert (agents / agent / f"{frame}{suffix}").is_file()
     view = scenario[0]["cav1"]
     assert (agents / "+101/000060.pcd").read_bytes() == view.path(".pcd").read_bytes()
-    radar = read_pcd(agents / "+101/000060_radar.pcd")
+    radar = read_pcd(agents / "+101/000060_radar.pcd", RADAR_POINT)
     # The radar is 2.5 m ahead of the LiDAR and 1.4 m below it; left-handed, y is to the right.
     assert_allclose([radar["x"][0], radar["y"][0], radar["z"][0]], [22.5, -15.0, -1.4], atol=1e-5)
     assert_allclose(radar["velocity"][0], view.radar["velocity"][0])
     assert (radar["rgb"][0] >> 16) == round(25.0 / 60.0 * 255.0)
     lidar_from_radar = poses.invert_pose(view.world_from_lidar) @ view.load_radar_pose(0)
     assert_allclose(lidar_from_radar[:3, 3], [2.5, 0.0, -1.4], atol=1e-6)
-    assert len(read_pcd(agents / "-1/000060_radar.pcd")) == 0
+    assert len(read_pcd(agents / "-1/000060_radar.pcd", RADAR_POINT)) == 0
