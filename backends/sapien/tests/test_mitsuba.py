@@ -52,7 +52,10 @@ BOX: Solid = (7.0, -2.0, 0.75), (1.5, 1.5, 1.5), "plaster"
 
 @pytest.fixture(autouse=True)
 def scalar_variant() -> None:
-    """The backend with Mitsuba activates another one in the process."""
+    """The backend with Mitsuba activates another one in the process.
+
+    In that one other paths happen to meet a lamp, of which a single one outshines a reference.
+    """
     mitsuba.set_variant("scalar_rgb")
 
 
