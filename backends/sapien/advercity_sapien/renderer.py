@@ -37,7 +37,7 @@ Images = dict[str, NDArray[Any]]
 COMPACT_IMAGES = {
     "Shape": "R16G16B16A16Uint",
     **dict.fromkeys(
-        ("Colour", "Facing", "Relief", "Mirror", "Ambient", "Glow"), "R16G16B16A16Sfloat"
+        ("Colour", "Facing", "Relief", "Mirror", "Ambient", "Reflex", "Glow"), "R16G16B16A16Sfloat"
     ),
 }
 """Formats of the raster pack's images that need no single precision; SAPIEN gives every image 16

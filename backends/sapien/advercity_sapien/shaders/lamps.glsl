@@ -344,32 +344,43 @@ float segmentInScattering(
 }
 
 // Light that fog scatters out of a beam, once or often, and then into a ray. Part of it goes along its
-// flow, as much as the square of its mean cosine (delta scaling), and the rest is even. Sampled once, at
-// `jitter` in [0, 1) of the air's opacity: it is so smooth that the mean of sixteen pixels needs no more.
-float diffuseInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
+// flow, as much as the square of its mean cosine (delta scaling), and the rest is even. Steps are equal in
+// the root of the air's opacity, as most of the own beams' is near the eye.
+float diffuseInScattering(Lamp l, vec3 eye, vec3 ray, float distance, int steps, float inStep) {
   float along = DROPLET_WIDE_FRACTION * airExtinction;
   float opacity = 1.0 - exp(-along * distance);
-  vec3 point = eye - log(1.0 - opacity * jitter) / along * ray;
-  vec4 light = scatteredLight(l, point, true);
-  float strength = length(light.xyz);
-  if (strength <= 0.0 || airVisibility(l, point - l.position) <= 0.0) return 0.0;
-  float directed = light.w * min(strength * strength / (light.w * light.w), 1.0);
-  float phase = dropletPhase(-dot(light.xyz, ray) / strength).y / DROPLET_WIDE_FRACTION;
-  return (directed * phase + (light.w - directed) / (4.0 * PI)) * opacity;
+  float sum = 0.0;
+  for (int i = 0; i < steps; ++i) {
+    float u = (float(i) + inStep) / float(steps);
+    vec3 point = eye - log(1.0 - opacity * u * u) / along * ray;
+    vec4 light = scatteredLight(l, point, true);
+    float strength = length(light.xyz);
+    if (strength <= 0.0 || airVisibility(l, point - l.position) <= 0.0) continue;
+    float directed = light.w * min(strength * strength / (light.w * light.w), 1.0);
+    float phase = dropletPhase(-dot(light.xyz, ray) / strength).y / DROPLET_WIDE_FRACTION;
+    sum += 2.0 * u * (directed * phase + (light.w - directed) / (4.0 * PI));
+  }
+  return sum * opacity / float(steps);
 }
 
+// Steps along a ray, each sampled once: within the sharp edges of a beam, on either side of them, and of
+// light that is scattered often. By how many jitters are averaged, which the packs know.
+struct GlowSteps {
+  int inBeam;
+  int stray;
+  int often;
+};
+
 // Light of one lamp that air scatters into a ray. Beams have sharp edges 8 degrees below the axis and 6
-// above (as tangents); what strays beyond them needs fewer steps. Of so few, the mean of sixteen pixels
-// differs by 0.2 % from that of 48 steps.
-vec3 lampInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) {
-  const int STEPS = 3, STRAY_STEPS = 1;
+// above (as tangents); what strays beyond them needs fewer steps.
+vec3 lampInScattering(Lamp l, vec3 eye, vec3 ray, float distance, GlowSteps steps, float jitter) {
   const float BELOW = 0.141, ABOVE = 0.105;
   vec3 away = eye - l.position;
   vec2 segment = vec2(0.0, distance);
   clipSegment(segment, dot(away, l.facing), dot(ray, l.facing));
   float lampDistance = length(away);
   float gain = deflectionGain(acos(clamp(-dot(away, ray) / lampDistance, -1.0, 1.0)), lampDistance);
-  if (!isBeam(l)) return l.intensity * segmentInScattering(l, eye, ray, segment, STEPS, jitter, gain);
+  if (!isBeam(l)) return l.intensity * segmentInScattering(l, eye, ray, segment, steps.inBeam, jitter, gain);
   vec2 core = segment;
   vec3 up = cross(rightAxis(l.facing), l.facing);
   vec3 floor = up + BELOW * l.facing, ceiling = ABOVE * l.facing - up;
@@ -377,15 +388,15 @@ vec3 lampInScattering(Lamp l, vec3 eye, vec3 ray, float distance, float jitter) 
   clipSegment(core, dot(away, ceiling), dot(ray, ceiling));
   if (core.x >= core.y) core = segment.yy;
   vec2 before = vec2(segment.x, core.x), behind = vec2(core.y, segment.y);
-  float sum = segmentInScattering(l, eye, ray, core, STEPS, jitter, gain)
-      + segmentInScattering(l, eye, ray, before, STRAY_STEPS, jitter, gain)
-      + segmentInScattering(l, eye, ray, behind, STRAY_STEPS, jitter, gain);
-  if (l.minCosine <= NO_ANGLE_LIMIT) sum += diffuseInScattering(l, eye, ray, distance, jitter);
+  float sum = segmentInScattering(l, eye, ray, core, steps.inBeam, jitter, gain)
+      + segmentInScattering(l, eye, ray, before, steps.stray, jitter, gain)
+      + segmentInScattering(l, eye, ray, behind, steps.stray, jitter, gain);
+  if (l.minCosine <= NO_ANGLE_LIMIT) sum += diffuseInScattering(l, eye, ray, distance, steps.often, jitter);
   return l.intensity * sum;
 }
 
 // Scattered light of all lamps whose glow is seen in the tile of the image at `uv`.
-vec3 lampsInScattering(vec2 uv, vec3 eye, vec3 ray, float distance, float jitter) {
+vec3 lampsInScattering(vec2 uv, vec3 eye, vec3 ray, float distance, GlowSteps steps, float jitter) {
   vec3 sum = vec3(0.0);
   if (airExtinction <= 0.0) return sum;
   int list = tileList(uv);
@@ -400,7 +411,7 @@ vec3 lampsInScattering(vec2 uv, vec3 eye, vec3 ray, float distance, float jitter
       float inner = (cosine - l.minCosine) / (1.0 - l.minCosine);
       float fade = l.minCosine <= NO_ANGLE_LIMIT
           ? l.minCosine - NO_ANGLE_LIMIT + 1.0 : smoothstep(0.0, 0.7, inner);
-      sum += fade * lampInScattering(l, eye, ray, distance, jitter);
+      sum += fade * lampInScattering(l, eye, ray, distance, steps, jitter);
     }
   }
   return sum;

@@ -16,9 +16,12 @@ layout(set = 0, binding = 9) uniform sampler2D samplerPane;
 
 // Radiance of the surfaces that the camera sees, through air, and depth.
 layout(location = 0) out vec4 outSeen;
-// Dithered: light of lamps that air scatters towards the camera, and of surfaces that they light; and
-// what level surfaces mirror. Last, whether lamps glow: some samples of a pattern may have nothing.
-layout(location = 1) out vec4 outGlow;
+// Dithered: what level surfaces mirror. Last, whether this one does: some samples of a pattern may have
+// nothing.
+layout(location = 1) out vec4 outReflex;
+// Dithered, of every second pixel of every second row, side by side: light of lamps that air scatters
+// towards the camera, and of surfaces that they light. Last, whether lamps glow.
+layout(location = 2) out vec4 outGlow;
 
 #include "../shader_constants.glsl"
 #include "../shader_table.glsl"
@@ -113,7 +116,7 @@ vec3 mirrorRadiance(vec3 position, vec3 ray, vec3 normal, float alpha, float dis
 vec3 filterAmbient(float depth) {
   const float TOLERANCE = 0.03;
   vec4 own = texelFetch(samplerAmbient, ivec2(gl_FragCoord.xy), 0);
-  ivec2 first = ditherBlock(ivec2(gl_FragCoord.xy));
+  ivec2 first = ditherBlock(ivec2(gl_FragCoord.xy) % pixelCount(), pixelCount());
   float sum = 0.0, weight = 0.0;
   for (int i = 0; i < DITHER * DITHER; ++i) {
     ivec2 texel = first + ivec2(i % DITHER, i / DITHER);
@@ -127,7 +130,7 @@ vec3 filterAmbient(float depth) {
 
 // Radiance of the surfaces around that lamps light and fog deflects into a ray: dithered.
 vec3 deflectedLight(vec3 ray, float distance, float jitter) {
-  const int TAPS = 4;
+  const int TAPS = 8;
   const float GOLDEN_TURN = 2.399963;
   float spread = forwardSpread(narrowDepth(min(distance, 60.0)));
   vec3 sum = vec3(0.0);
@@ -157,8 +160,31 @@ vec3 paneRadiance(vec3 behind, vec3 normal, vec3 ray) {
       + specularLobe(pane, -ray, sunDirection()) * sunIrradiance();
 }
 
+// Distance along a ray to a depth in images of light, and to the end of the world where there is none.
+float distanceTo(float depth, float distancePerDepth) {
+  return depth > 0.0 ? depth * distancePerDepth : FAR_M;
+}
+
+// Light of lamps that comes along the ray of a pixel without having met its surface.
+vec3 lampGlow(ivec2 pixel, vec3 eye, float jitter) {
+  vec2 place = imagePlace(surfaceTexel(pixel));
+  float distancePerDepth;
+  vec3 ray = rayThrough(place, distancePerDepth);
+  float distance = distanceTo(texelFetch(samplerLit, pixel, 0).a, distancePerDepth);
+  vec3 scattered = lampsInScattering(place, eye, ray, distance, GlowSteps(5, 2, 2), jitter);
+  return deflectsVisibly() ? scattered + deflectedLight(ray, distance, jitter) : scattered;
+}
+
 void main() {
   ivec2 pixel = ivec2(gl_FragCoord.xy), texel = surfaceTexel(pixel);
+  vec3 eye = cameraBuffer.viewMatrixInverse[3].xyz;
+  float jitter = dither(gl_FragCoord.xy);
+  outReflex = vec4(0.0);
+  outGlow = vec4(0.0);
+  if (isNight() && all(lessThan(pixel, glowCount()))) {
+    fetchLampAir();
+    outGlow = vec4(lampGlow(glowPixel(pixel), eye, coarseDither(pixel)), 1.0);
+  }
   vec4 lit = texelFetch(samplerLit, pixel, 0);
   if (lit.a == NO_LIGHT) {
     outSeen = lit;
@@ -167,18 +193,12 @@ void main() {
   vec2 place = imagePlace(texel);
   float distancePerDepth;
   vec3 ray = rayThrough(place, distancePerDepth);
-  vec3 eye = cameraBuffer.viewMatrixInverse[3].xyz;
   float depth = lit.a;
-  float distance = depth > 0.0 ? depth * distancePerDepth : FAR_M;
-  float jitter = dither(gl_FragCoord.xy);
-  if (isNight()) fetchLampAir();
-  vec3 scattered = lampsInScattering(place, eye, ray, distance, jitter);
-  if (isNight() && deflectsVisibly()) scattered += deflectedLight(ray, distance, jitter);
+  float distance = distanceTo(depth, distancePerDepth);
   vec4 pane = texelFetch(samplerPane, texel, 0);
   float height = sqrt(max(1.0 - dot(pane.xy, pane.xy), 0.0));
   vec3 paneNormal = vec3(pane.xy, pane.z < 0.0 ? -height : height);
   if (depth <= 0.0) {
-    outGlow = vec4(scattered, isNight() ? 1.0 : 0.0);
     outSeen = pane.z == 0.0 ? vec4(lit.rgb, 0.0)
         : vec4(paneRadiance(lit.rgb, paneNormal, ray), abs(pane.z));
     return;
@@ -191,9 +211,8 @@ void main() {
     vec3 mirrored = mirror.z
         * mirrorRadiance(eye + ray * distance, ray, normal, mirror.w, distance, jitter);
     if (pane.z != 0.0) radiance += mirrored;
-    else scattered += mirrored * transmittance(distance);
+    else outReflex = vec4(mirrored * transmittance(distance), 1.0);
   }
-  outGlow = vec4(scattered, isNight() ? 1.0 : 0.0);
   if (isNight()) {
     float emission = texelFetch(samplerDepthEmission, texel, 0).y;
     if (emission > 0.0) radiance += emission * texelFetch(samplerColour, texel, 0).rgb;

@@ -4,40 +4,62 @@
 #include "./interface.glsl"
 
 layout(set = 0, binding = 0) uniform sampler2D samplerSeen;
-layout(set = 0, binding = 1) uniform sampler2D samplerGlow;
+layout(set = 0, binding = 1) uniform sampler2D samplerReflex;
+layout(set = 0, binding = 2) uniform sampler2D samplerGlow;
 
-// Radiance with the glow, and depth.
+// Radiance with reflexes and the glow of lamps, and depth.
 layout(location = 0) out vec4 outShaded;
 
 #include "../shader_constants.glsl"
 #include "./pixel_samples.glsl"
 #include "./dither.glsl"
 
-// The glow of lamps, averaged over the dithered pixels of about the same depth.
-vec3 filterGlow(vec3 own, float depth) {
+// How alike two depths are, for what changes slowly with them, 0 to 1.
+float likeness(float one, float other) {
   const float TOLERANCE = 0.25;
-  ivec2 first = ditherBlock(ivec2(gl_FragCoord.xy));
-  float inverse = 1.0 / (depth > 0.0 ? depth : FAR_M);
+  float inverse = 1.0 / (one > 0.0 ? one : FAR_M);
+  float difference = abs(1.0 / (other > 0.0 ? other : FAR_M) - inverse);
+  return max(1.0 - difference / (TOLERANCE * inverse), 0.0);
+}
+
+// What level surfaces mirror, averaged over the dithered pixels of about the same depth.
+vec3 filterReflexes(vec3 own, ivec2 pixel, float depth) {
+  ivec2 first = ditherBlock(pixel, pixelCount());
   vec3 sum = vec3(0.0);
   float weight = 0.0;
   for (int i = 0; i < DITHER * DITHER; ++i) {
     ivec2 texel = first + ivec2(i % DITHER, i / DITHER);
-    float sampleDepth = texelFetch(samplerSeen, texel, 0).a;
-    float difference = abs(1.0 / (sampleDepth > 0.0 ? sampleDepth : FAR_M) - inverse);
-    float similarity = max(1.0 - difference / (TOLERANCE * inverse), 0.0);
-    sum += similarity * texelFetch(samplerGlow, texel, 0).rgb;
-    weight += similarity;
+    float alike = likeness(depth, texelFetch(samplerSeen, texel, 0).a);
+    sum += alike * texelFetch(samplerReflex, texel, 0).rgb;
+    weight += alike;
   }
   return weight > 0.0 ? sum / weight : own;
 }
 
-void main() {
-  vec4 seen = texelFetch(samplerSeen, ivec2(gl_FragCoord.xy), 0);
-  if (seen.a == NO_LIGHT) {
-    outShaded = seen;
-    return;
+// The glow of lamps, averaged likewise over pixels of which it was computed; over all of them around a
+// thing so thin that none shows it.
+vec3 filterGlow(ivec2 pixel, float depth) {
+  const float LEAST = 1e-4;
+  ivec2 first = ditherBlock((pixel + 1) / 2, glowCount());
+  vec3 sum = vec3(0.0);
+  float weight = 0.0;
+  for (int i = 0; i < DITHER * DITHER; ++i) {
+    ivec2 texel = min(first + ivec2(i % DITHER, i / DITHER), glowCount() - 1);
+    // The nearer the more: even weights would make squares of halos.
+    vec2 near = max(1.0 - abs(vec2(glowPixel(texel) - pixel)) / float(DITHER), 0.0);
+    float alike = likeness(depth, texelFetch(samplerSeen, glowPixel(texel), 0).a) + LEAST;
+    sum += near.x * near.y * alike * texelFetch(samplerGlow, texel, 0).rgb;
+    weight += near.x * near.y * alike;
   }
-  vec4 own = texelFetch(samplerGlow, ivec2(gl_FragCoord.xy), 0);
-  vec3 glow = own == vec4(0.0) ? vec3(0.0) : filterGlow(own.rgb, seen.a);
-  outShaded = vec4(seen.rgb + glow, seen.a);
+  return sum / weight;
+}
+
+void main() {
+  ivec2 texel = ivec2(gl_FragCoord.xy), pixel = texel % pixelCount();
+  vec4 seen = texelFetch(samplerSeen, texel, 0);
+  outShaded = seen;
+  if (seen.a == NO_LIGHT) return;
+  vec4 reflex = texelFetch(samplerReflex, texel, 0);
+  if (reflex.a > 0.0) outShaded.rgb += filterReflexes(reflex.rgb, pixel, seen.a);
+  if (texelFetch(samplerGlow, ivec2(0), 0).a > 0.0) outShaded.rgb += filterGlow(pixel, seen.a);
 }

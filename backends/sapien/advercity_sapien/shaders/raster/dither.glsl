@@ -11,8 +11,14 @@ float dither(vec2 pixel) {
   return (float(rank) + 0.5) / 16.0;
 }
 
-// First texel, in images of light, of the block of the pattern's size around a texel: of pixels' middles.
-ivec2 ditherBlock(ivec2 texel) {
-  ivec2 pixels = pixelCount();
-  return clamp(texel % pixels - DITHER / 2, ivec2(0), pixels - DITHER);
+// The same of a pattern of two by two, each quarter once. In a tent as wide as two patterns all weigh the
+// same.
+float coarseDither(ivec2 texel) {
+  ivec2 p = texel & 1;
+  return (float(2 * (p.x ^ p.y) + p.y) + 0.5) / 4.0;
+}
+
+// First texel of the block of the pattern's size around one of so many.
+ivec2 ditherBlock(ivec2 texel, ivec2 count) {
+  return clamp(texel - DITHER / 2, ivec2(0), max(count - DITHER, ivec2(0)));
 }

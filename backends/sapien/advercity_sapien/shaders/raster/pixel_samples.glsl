@@ -44,6 +44,10 @@ ivec2 pixelAt(vec2 place) {
   return clamp(ivec2(floor(pixelPlace(place))), ivec2(0), pixelCount() - 1);
 }
 
+// Pixels of which the glow of lamps is computed, along both axes, and the pixel of one of them.
+ivec2 glowCount() { return (pixelCount() + 1) / 2; }
+ivec2 glowPixel(ivec2 glowTexel) { return 2 * glowTexel; }
+
 // Angle that a pixel covers in the middle of the image, in radians.
 float pixelAngle() {
   return 2.0 * float(samplesPerAxis()) / (cameraBuffer.projectionMatrix[0][0] * cameraBuffer.width);
