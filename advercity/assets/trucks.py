@@ -173,11 +173,16 @@ def _build_cargo_frame(cargo: _CargoBox) -> list[MeshPart]:
 
 
 def _build_cargo_doors(cargo: _CargoBox) -> list[MeshPart]:
-    """Build the gap between two rear doors, their locking bars, handles and hinges."""
+    """Build two rear doors: the rubber seal around them, locking bars, handles and hinges."""
     rear, _, side, low, high = cargo
-    gap = box((rear - 0.006, -0.012, low + 0.1), (rear + 0.02, 0.012, high - 0.1))
+    seals = [
+        *_build_outline(rear - 0.006, (side - 0.1, low + 0.12, high - 0.1), 0.05),
+        box((rear - 0.006, -0.03, low + 0.1), (rear + 0.02, 0.03, high - 0.1)),
+    ]
+    # Contour markings of UN Regulation 104.
+    markings = _build_outline(rear - 0.016, (side - 0.03, low + 0.04, high - 0.03), 0.05)
     bars = [
-        tube([(rear - 0.022, y, low + 0.05), (rear - 0.022, y, high - 0.05)], 0.016, sides=6)
+        tube([(rear - 0.022, y, low + 0.05), (rear - 0.022, y, high - 0.05)], 0.02, sides=6)
         for y in (0.18, 0.62 * side)
     ]
     handles = [
@@ -189,8 +194,22 @@ def _build_cargo_doors(cargo: _CargoBox) -> list[MeshPart]:
         for z in np.linspace(low + 0.25, high - 0.35, 4)
     ]
     return [
-        *make_vehicle_parts("black_plastic", gap),
+        *make_vehicle_parts("black_plastic", *seals),
+        *make_vehicle_parts("sign_red", *markings),
         *make_vehicle_parts("metal", *map(add_mirror_image, (*bars, *handles, *hinges))),
+    ]
+
+
+def _build_outline(
+    x: float, edges: tuple[float, float, float], wide: float
+) -> list[TriangleSurface]:
+    """Build a band that faces behind, along edges: half its width, its lower and upper height."""
+    half, low, high = edges
+    uprights = [(x, y, (low + high) / 2) for y in (-half, half)]
+    levels = [(x, 0, z) for z in (low, high)]
+    return [
+        rectangles(uprights, (0, -wide / 2, 0), (0, 0, (high - low) / 2)),
+        rectangles(levels, (0, -half, 0), (0, 0, wide / 2)),
     ]
 
 
@@ -220,7 +239,7 @@ def _build_pump_bay(rear: float, half: float, top: float) -> list[MeshPart]:
     return [
         *make_vehicle_parts("metal", shutter, step, add_mirror_image(rail)),
         *make_vehicle_parts("black_plastic", slats),
-        *make_vehicle_parts("car_paint_yellow", *posts),
+        *make_vehicle_parts("sign_yellow", *posts),
     ]
 
 
