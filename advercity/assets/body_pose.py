@@ -23,7 +23,6 @@ CLOTH_MATERIALS = (
     "cloth_black",
     "cloth_blue",
     "cloth_light",
-    "cloth_green",
 )
 """Colours that the clothes of people who share a body differ by."""
 STATIONARY_POSE_M_S = 0.15
