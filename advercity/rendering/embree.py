@@ -27,7 +27,7 @@ from advercity.geometry.poses import Matrix
 _GEOMETRY_TRIANGLE, _GEOMETRY_INSTANCE = 0, 121
 _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
 _UINT3, _FLOAT3, _FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9134
-_ROBUST, _COHERENT = 1 << 2, 1 << 16
+_COMPACT, _ROBUST, _COHERENT = 1 << 1, 1 << 2, 1 << 16
 _EVERY_FEATURE = 0xFFFFFFFF
 
 _RAYS_PER_PACKET, _FIELDS_PER_RAY = 16, 21
@@ -62,9 +62,9 @@ class EmbreeMesh:
         triangles = [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
         embree, geometry = _load_embree(), _new_geometry(_GEOMETRY_TRIANGLE)
         # The empty first item lets a scene without meshes concatenate.
-        vertices = [np.zeros((0, 3)), *(mesh.vertices for mesh in meshes)]
-        _copy_buffer(geometry, _BUFFER_VERTEX, _FLOAT3, np.concatenate(vertices).astype(np.float32))
-        corners = np.concatenate([np.zeros((0, 3)), *triangles]).astype(np.uint32)
+        vertices = [np.zeros((0, 3), np.float32), *(mesh.vertices for mesh in meshes)]
+        _copy_buffer(geometry, _BUFFER_VERTEX, _FLOAT3, np.concatenate(vertices, dtype=np.float32))
+        corners = np.concatenate([np.zeros((0, 3), np.int32), *triangles]).astype(np.uint32)
         _copy_buffer(geometry, _BUFFER_INDEX, _UINT3, corners)
         self.scene = _new_scene(self)
         _attach(self.scene, geometry)
@@ -255,10 +255,13 @@ def _raise_on_error() -> None:
 
 
 def _new_scene(owner: object) -> int:
-    """Create a scene that lives as long as its owner, without gaps between adjacent triangles."""
+    """Create a scene that lives as long as its owner, without gaps between adjacent triangles.
+
+    Its triangles refer to their vertices, of which they would otherwise have copies.
+    """
     scene = _load_embree().rtcNewScene(_open_device())
     weakref.finalize(owner, _load_embree().rtcReleaseScene, scene)
-    _load_embree().rtcSetSceneFlags(scene, _ROBUST)
+    _load_embree().rtcSetSceneFlags(scene, _COMPACT | _ROBUST)
     return scene
 
 

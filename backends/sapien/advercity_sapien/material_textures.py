@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import partial
 
 import numpy as np
 import sapien
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from advercity.geometry.arrays import Float64Array, Uint8Array
 from advercity.material_maps import LINEAR_FROM_SRGB, MaterialMaps
 
+Texels = NDArray[np.uint8] | NDArray[np.int8]
 MAX_ROUGHNESS_RATIO = 4.0
 """Greatest ratio of a texel's roughness to the mean."""
 
@@ -34,10 +34,15 @@ class _Textures:
 
 
 class MaterialTextures:
-    """Textures of a world's material maps by name, made when a material first needs them."""
+    """Textures of a world's material maps by name, made when a material first needs them.
 
-    def __init__(self, maps: Mapping[str, MaterialMaps]) -> None:
-        self._maps = maps
+    Args:
+        maps: The maps by name.
+        finest_m: Width of the finest detail on a surface that images show.
+    """
+
+    def __init__(self, maps: Mapping[str, MaterialMaps], finest_m: float) -> None:
+        self._maps, self._finest_m = maps, finest_m
         self._textures: dict[str, _Textures] = {}
 
     def apply(self, name: str, material: sapien.render.RenderMaterial, axes: MapAxes) -> None:
@@ -45,7 +50,7 @@ class MaterialTextures:
         if name not in self._maps:
             return
         if name not in self._textures:
-            self._textures[name] = _create_textures(self._maps[name])
+            self._textures[name] = _create_textures(self._maps[name], self._finest_m)
         found = self._textures[name]
         material.base_color_texture = found.tone
         if found.relief is not None:
@@ -101,14 +106,28 @@ def _to_bytes(fraction: Float64Array) -> NDArray[np.uint8]:
     return np.minimum(255.0 * fraction, 255.0).round().astype(np.uint8)
 
 
-def _create_textures(maps: MaterialMaps) -> _Textures:
-    levels = min(maps.color.shape[:2]).bit_length()
-    create = partial(sapien.render.RenderTexture2D, mipmap_levels=levels)
-    relief = None if maps.normal is None else compute_relief_texels(maps.normal)
+def drop_unseen_detail(texels: Texels, tile_m: float, finest_m: float) -> Texels:
+    """Halve an image (h, w, channels) of a width as often as its texels stay as fine as is seen."""
+    halvings = int(max(0.0, np.log2(finest_m * texels.shape[1] / tile_m)))
+    for _ in range(min(halvings, min(texels.shape[:2]).bit_length() - 1)):
+        height, width, channels = texels.shape
+        blocks = texels.reshape(height // 2, 2, width // 2, 2, channels)
+        texels = blocks.mean(axis=(1, 3), dtype=np.float32).round().astype(texels.dtype)
+    return texels
+
+
+def _create_textures(maps: MaterialMaps, finest_m: float) -> _Textures:
+    def create(texels: Texels, texel: str) -> sapien.render.RenderTexture2D:
+        kept = np.ascontiguousarray(drop_unseen_detail(texels, maps.tile_m, finest_m))
+        levels = min(kept.shape[:2]).bit_length()
+        return sapien.render.RenderTexture2D(kept, texel, mipmap_levels=levels)
+
     texels, greatest = compute_tone_texels(maps)
     return _Textures(
         tone=create(texels, "R8G8B8A8Unorm"),
         greatest=greatest,
-        relief=None if relief is None else create(relief, "R8G8Snorm"),
+        relief=(
+            None if maps.normal is None else create(compute_relief_texels(maps.normal), "R8G8Snorm")
+        ),
         tile_m=maps.tile_m,
     )

@@ -46,6 +46,11 @@ MAX_RASTER_SAMPLES = 960 * 540 * 4
 """Samples of an image of surfaces; larger ones would need more memory than a small machine has."""
 
 
+FINEST_M = 1e-3
+"""Width of a pixel at a metre of an image 1920 pixels and 90 degrees wide; cameras see nothing
+nearer."""
+
+
 class SapienRenderer:
     """Renders one world under an atmosphere that may change."""
 
@@ -84,6 +89,7 @@ class SapienRenderer:
             self._scene,
             self._bindings,
             night=atmosphere.night,
+            finest_m=FINEST_M / self._profile.scale,
             has_distant_pieces=not self._is_ray_traced,
             frees_poses=not self._is_ray_traced,
         )

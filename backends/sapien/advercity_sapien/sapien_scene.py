@@ -172,6 +172,9 @@ class SapienScene:
     Attributes:
         segmentation: Classes and actors by SAPIEN's shape ids.
         culler: Bounding boxes of all bodies.
+
+    Args:
+        finest_m: Width of the finest detail on a surface that images show.
     """
 
     def __init__(
@@ -181,6 +184,7 @@ class SapienScene:
         bindings: ShaderBindings,
         *,
         night: bool,
+        finest_m: float = 0.0,
         has_distant_pieces: bool = True,
         frees_poses: bool = True,
     ) -> None:
@@ -190,7 +194,7 @@ class SapienScene:
         self._scene = scene
         self._bindings = bindings
         self._has_distant_pieces, self._frees_poses = has_distant_pieces, frees_poses
-        self._shapes = RenderShapeCache(MaterialTextures(world.material_maps))
+        self._shapes = RenderShapeCache(MaterialTextures(world.material_maps, finest_m))
         self._actors: dict[int, tuple[Appearance, ActorBodies]] = {}
         self._spare_bodies: defaultdict[Appearance, list[ActorBodies]] = defaultdict(list)
         self._meshes: dict[BodyShape, dict[Piece, list[Mesh]]] = {}

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 from advercity_sapien import SapienBackend
+from advercity_sapien.material_textures import drop_unseen_detail
 from numpy.typing import NDArray
 
 from advercity.frames import Actor, ActorState, Frame, Lamp
@@ -70,10 +71,11 @@ def seen(
     air: Atmosphere | None = None,
     *,
     pitch_deg: float = 90.0,
+    scale: float = 1.0,
     states: tuple[ActorState, ...] = (),
 ) -> NDArray[np.float64]:
     """Radiance (n, h, w, 3) in kcd/m², looking down from places (n, 3), the north on the left."""
-    profile = RenderProfile("test", 1.0, renderer, samples=1, path_depth=1)
+    profile = RenderProfile("test", scale, renderer, samples=1, path_depth=1)
     pictures: list[NDArray[np.float32]] = []
     with SapienBackend().open(world, air or build_clear_air(1000.0), profile) as opened:
         opened.place(Frame(index=0, time_s=0.0, states=states, signals={}))
@@ -178,6 +180,24 @@ def test_grains_do_not_repeat_where_courses_of_bricks_do() -> None:
     }
     assert alike["brick"] > 0.99
     assert abs(alike["asphalt"]) < 0.3
+
+
+@pytest.mark.parametrize("name", ["asphalt", "brick"])
+def test_detail_that_small_images_do_not_show_is_missed_in_none(name: str) -> None:
+    # At a fiftieth of its size an image has pixels of 0.05 m a metre away, three texels here.
+    world, places = field(name, speckled()), scattered(4.0, 4)
+    full, small = (seen(world, places, scale=scale) for scale in (1.0, 0.02))
+    # Bytes are rounded at every halving.
+    deviation = np.abs(small / full - 1.0).mean()
+    assert 0.0 < deviation < 0.01
+
+
+@pytest.mark.parametrize(("finest_m", "side"), [(0.001, 1024), (0.003, 1024), (0.004, 512)])
+def test_texels_are_as_fine_as_images_show(finest_m: float, side: int) -> None:
+    texels = np.random.default_rng(5).integers(-127, 128, (1024, 1024, 2)).astype(np.int8)
+    kept = drop_unseen_detail(texels, tile_m=2.0, finest_m=finest_m)
+    assert (kept.shape, kept.dtype) == ((side, side, 2), np.int8)
+    assert kept.mean() == pytest.approx(texels.mean(), abs=0.01)
 
 
 @pytest.mark.parametrize("name", ["asphalt", "brick"])
