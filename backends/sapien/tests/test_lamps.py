@@ -133,6 +133,19 @@ def test_beams_have_the_pattern_that_sensors_know(opened: Open, lamps: Lamp, led
     np.testing.assert_allclose(found.mean(axis=0), expected.mean(axis=0), rtol=0.02, atol=0.1)
 
 
+@pytest.mark.parametrize("led", [False, True])
+def test_low_beams_leave_dark_what_is_beside_them(opened: Open, led: bool) -> None:
+    wall = world_of(build_box((0.0, -4.0, 0.0), (40.0, 1.0, 8.0), "white"))
+    frame = frame_of(replace(state(1, (0.0, 0.0, 0.0), lamps=Lamp.LOW_BEAM), has_led_headlamps=led))
+    (front, *_) = list_light_sources(wall, frame)
+    beside = pose_matrix((front.position[0], 0.0, 0.7), yaw=-np.pi / 2)
+    with opened(wall, air_of(night=True)) as renderer:
+        renderer.place(frame)
+        seen = renderer.render_camera(view_of(beside, size=(80, 40), hide=1))
+    # 58 degrees or more off the axis is hardly any of the peak; 0.2 of it gives 100 cd/m².
+    assert luminance(seen)[:, 20:60].max() < 2.0
+
+
 def test_a_lamp_in_fog_wears_the_halo_of_its_droplets(opened: Open) -> None:
     lamp = StreetLamp((0.0, 0.0, 30.0), flux_lm=1000.0 * np.pi)
     air = air_of(mor_m=100.0, night=True)

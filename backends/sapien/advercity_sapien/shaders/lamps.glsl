@@ -75,13 +75,13 @@ vec3 rightAxis(vec3 facing) {
   return vec3(facing.y, -facing.x, 0.0) * inversesqrt(dot(facing.xy, facing.xy));
 }
 
-// Angles in degrees of a ray to the right of a beam's axis and above it, by the first terms of
-// their arcs: cheaper than `LampBeam` in Python, and close enough. False for rays to the rear.
+// Angles in degrees of a ray to the right of a beam's axis and above it, the latter by the first terms of
+// its arc; approximations of the former make rays to the side nearly parallel. False for rays to the rear.
 bool beamAngles(vec3 facing, vec3 ray, out float h, out float v) {
   float forward = dot(ray, facing);
   vec3 right = rightAxis(facing);
-  float lateral = dot(ray, right) / forward, above = dot(ray, cross(right, facing));
-  h = degrees(lateral / (1.0 + 0.28 * lateral * lateral));
+  float above = dot(ray, cross(right, facing));
+  h = degrees(atan(dot(ray, right), forward));
   v = degrees(above * (1.0 + above * above / 6.0));
   return forward > 0.1;
 }
