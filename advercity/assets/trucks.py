@@ -100,7 +100,7 @@ def _build_fire_truck(blueprint_id: str, size: Size) -> list[MeshPart]:
         *make_vehicle_parts("metal", *shutters, *_build_ladder(rear, front - 1.3, height)),
         *make_vehicle_parts("black_plastic", *_build_slats(rear, bay, half, top)),
         *_build_pump_bay(rear, half, top),
-        *make_vehicle_parts("paint_white", stripe),
+        *make_vehicle_parts("car_paint_white", stripe),
         *make_vehicle_parts("car_paint_blue", bar, *_build_beacons(rear, half, 0.96 * roof)),
         *_build_chassis(length, half),
         *_build_rear_lamps(blueprint_id, rear, half, 0.95),

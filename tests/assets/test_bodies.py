@@ -13,7 +13,7 @@ from advercity.assets.body_pose import BodyShape
 from advercity.assets.lettering import WritingPlane, write_text
 from advercity.assets.rigged_bodies import pose_body
 from advercity.geometry.mesh import Mesh, MeshLayer
-from advercity.materials import MATERIALS
+from advercity.materials import MATERIALS, Texture
 from advercity.semantics import Semantic
 from advercity.traffic.paints import draw_paint
 from advercity.world import Body
@@ -165,6 +165,13 @@ def test_every_actor_but_the_fire_truck_shows_its_paint(name: str):
         assert "car_paint_red" in materials
     else:
         assert "paint" in materials
+
+
+def test_no_actor_has_the_worn_paint_of_roads() -> None:
+    for name in CATALOGUE.blueprints:
+        for part in BODIES[name].parts:
+            if part.material != "paint":
+                assert MATERIALS[part.material].texture is not Texture.MARKING, name
 
 
 @pytest.mark.parametrize(
