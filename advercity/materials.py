@@ -267,6 +267,8 @@ MATERIALS: dict[str, Material] = {
     "wood": Material(
         (0.30, 0.20, 0.12), 0.50, WOOD_77GHZ, WOOD_LWIR, texture=Texture.WOOD, maps="wood"
     ),
+    # Such as that of window frames.
+    "enamel_white": Material((0.70, 0.70, 0.68), 0.70, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.6),
     "metal": Material(
         (0.45, 0.45, 0.46), 0.30, METAL_77GHZ, BARE_METAL_LWIR, roughness=0.4, metallic=0.9
     ),
@@ -338,6 +340,9 @@ MATERIALS: dict[str, Material] = {
     "cloth_yellow": Material((0.62, 0.44, 0.05), 0.65, CLOTH_77GHZ, CLOTH_LWIR),
     "sign_red": Material(
         (0.55, 0.03, 0.03), 0.90, PLATE_77GHZ, SHEET_LWIR, sheeting_reflectance=300.0
+    ),
+    "sign_white": Material(
+        (0.70, 0.70, 0.68), 0.90, PLATE_77GHZ, SHEET_LWIR, sheeting_reflectance=300.0
     ),
     "sign_yellow": Material(
         (0.75, 0.55, 0.03), 0.90, PLATE_77GHZ, SHEET_LWIR, sheeting_reflectance=300.0

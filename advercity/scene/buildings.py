@@ -40,7 +40,7 @@ HOUSE_WALLS = (
     "plaster_rose",
     "brick_yellow",
 )
-_TRIMS = ("paint_white", "paint_white", "plaster_grey", "black_plastic")
+_TRIMS = ("enamel_white", "enamel_white", "plaster_grey", "black_plastic")
 _ACCENTS = ("cloth_red", "cloth_green", "cloth_blue", "cloth_dark", "cloth_brown", "cloth_yellow")
 ROOFS = ("roof_tile", "roof_tile", "roof_slate")
 

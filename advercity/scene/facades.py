@@ -249,7 +249,7 @@ def _build_shop_front(
     height_m = min(SHOP_LETTER_M, 0.9 * (high - low) / len(word))
     plane = WritingPlane(((low + high) / 2, -0.12, top + 0.32), (1.0, 0.0, 0.0))
     name = write_text(word, plane, height_m)
-    lettering = "black_plastic" if style.accent in _LIGHT_ACCENTS else "paint_white"
+    lettering = "black_plastic" if style.accent in _LIGHT_ACCENTS else "enamel_white"
     parts: SurfaceMaterials = [(sign, style.accent), (name, lettering)]
     return [*parts, (join_surfaces(awnings), style.accent)] if awnings else parts
 

@@ -193,7 +193,7 @@ def build_tower(at: Point2, height_m: float | None, site: Site) -> list[MeshPart
         tube([(0, 0, top - 2 * _SPIKE_M), (0, 0, top)], 0.04, sides=6),
     ]
     parts = [(join_surfaces(map(shade_smooth, steel)), "metal", Semantic.STATIC)]
-    parts += [(part, "paint_white", Semantic.STATIC) for part in _build_wind_wheel(top)]
+    parts += [(part, "enamel_white", Semantic.STATIC) for part in _build_wind_wheel(top)]
     return _place_on_ground(parts, at, site)
 
 

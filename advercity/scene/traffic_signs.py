@@ -62,9 +62,9 @@ def _build_stop_face() -> list[tuple[TriangleSurface, str]]:
     letters = _build_letters("STOP", middle, width_m=0.115, height_m=0.24)
     return [
         (_build_polygon_plate(8, 0.40, 0.04, np.pi / 8), "metal"),
-        (_build_polygon_plate(8, 0.40, 0.05, np.pi / 8), "paint_white"),
+        (_build_polygon_plate(8, 0.40, 0.05, np.pi / 8), "sign_white"),
         (_build_polygon_plate(8, 0.37, 0.06, np.pi / 8), "sign_red"),
-        (letters, "paint_white"),
+        (letters, "sign_white"),
     ]
 
 
@@ -72,7 +72,7 @@ def _build_yield_face() -> list[tuple[TriangleSurface, str]]:
     return [
         (_build_polygon_plate(3, 0.52, 0.04, -np.pi / 2), "metal"),
         (_build_polygon_plate(3, 0.52, 0.05, -np.pi / 2), "sign_red"),
-        (_build_polygon_plate(3, 0.32, 0.06, -np.pi / 2), "paint_white"),
+        (_build_polygon_plate(3, 0.32, 0.06, -np.pi / 2), "sign_white"),
     ]
 
 
@@ -81,7 +81,7 @@ def _build_limit_face(number: str) -> list[tuple[TriangleSurface, str]]:
     return [
         (_build_polygon_plate(20, 0.36, 0.04, 0.0), "metal"),
         (_build_polygon_plate(20, 0.36, 0.05, 0.0), "sign_red"),
-        (_build_polygon_plate(20, 0.285, 0.06, 0.0), "paint_white"),
+        (_build_polygon_plate(20, 0.285, 0.06, 0.0), "sign_white"),
         (_build_letters(number, np.array([0.075, 0.0, _SIGN_HEIGHT_M]), **size), "black_plastic"),
     ]
 
@@ -137,7 +137,7 @@ def _build_crossing_face() -> list[tuple[TriangleSurface, str]]:
     return [
         (_build_polygon_plate(4, 0.46, 0.04, np.pi / 4), "metal"),
         (_build_polygon_plate(4, 0.45, 0.05, np.pi / 4), "sign_blue"),
-        (_build_polygon_plate(3, 0.36, 0.06, np.pi / 2, rise=-0.05), "paint_white"),
+        (_build_polygon_plate(3, 0.36, 0.06, np.pi / 2, rise=-0.05), "sign_white"),
         (
             join_surfaces([_build_strokes(person, 0.045, -0.05), head]),
             "black_plastic",
@@ -149,7 +149,7 @@ def _build_crossing_face() -> list[tuple[TriangleSurface, str]]:
 def _build_priority_face() -> list[tuple[TriangleSurface, str]]:
     return [
         (_build_polygon_plate(4, 0.46, 0.04, 0.0), "metal"),
-        (_build_polygon_plate(4, 0.46, 0.05, 0.0), "paint_white"),
+        (_build_polygon_plate(4, 0.46, 0.05, 0.0), "sign_white"),
         (_build_polygon_plate(4, 0.34, 0.06, 0.0), "sign_yellow"),
     ]
 
@@ -166,7 +166,7 @@ def _build_curve_face(towards: int) -> list[tuple[TriangleSurface, str]]:
     return [
         (_build_polygon_plate(3, 0.54, 0.04, np.pi / 2), "metal"),
         (_build_polygon_plate(3, 0.54, 0.05, np.pi / 2), "sign_red"),
-        (_build_polygon_plate(3, 0.38, 0.06, np.pi / 2), "paint_white"),
+        (_build_polygon_plate(3, 0.38, 0.06, np.pi / 2), "sign_white"),
         (_build_strokes(turned, 0.05, -0.02), "black_plastic"),
     ]
 

@@ -16,7 +16,7 @@ from advercity.testing import build_flat_world
 STOREY = Storey(
     bottom_m=0.0, height_m=3.0, openings=4, width_m=1.2, sill_m=0.9, opening_m=1.5, door_at=1
 )
-STYLE = FacadeStyle("brick", "paint_white", "cloth_blue", blind_fraction=0.0)
+STYLE = FacadeStyle("brick", "enamel_white", "cloth_blue", blind_fraction=0.0)
 WIDTH_M = 12.0
 
 

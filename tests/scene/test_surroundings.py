@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from advercity.errors import InputError
 from advercity.geometry import poses
 from advercity.geometry.mesh import Mesh
-from advercity.materials import MATERIALS
+from advercity.materials import MATERIALS, Texture
 from advercity.roads.layout import lay_out_road
 from advercity.roads.road_network import build_road
 from advercity.scene import terrain
@@ -529,10 +529,18 @@ def test_lenses_are_red_over_yellow_over_green():
     assert {mesh.semantic for mesh in housing} == {Semantic.TRAFFIC_LIGHT}
 
 
+@pytest.mark.parametrize("kind", [SurroundingKind.BUILDINGS, SurroundingKind.HOUSES])
+def test_nothing_but_roads_has_the_worn_paint_of_roads(kind: SurroundingKind) -> None:
+    furniture, _ = build_street_furniture(build_road(ROADS["rsnj"]), level)
+    block = built(Surrounding(kind=kind, area_m=((-90, 10), (90, 60))))
+    materials = {mesh.material for mesh in (*furniture, *block)}
+    assert not {name for name in materials if MATERIALS[name].texture is Texture.MARKING}
+
+
 def test_signs_face_the_traffic_that_yields():
     road = ROADS["rsnj"]
     meshes, _ = build_street_furniture(build_road(road), level)
-    white = next(mesh for mesh in meshes if mesh.name == "furniture_traffic_sign_paint_white")
+    white = next(mesh for mesh in meshes if mesh.name == "furniture_traffic_sign_sign_white")
     arm = lay_out_road(road).junctions["j_south"].find_arm("south_road")
     sign = next(s for s in road.junctions["j_south"].signs if s.street == "south_road")
     near = np.linalg.norm(white.vertices[:, :2] - sign.at_m, axis=1) < 1

@@ -106,7 +106,7 @@ def test_switching_rain_off_leaves_all_other_numbers_alone() -> None:
     assert set(map(tuple, wet.points[surface])) <= set(map(tuple, dry.points))
 
 
-@pytest.mark.parametrize("material", ["sign_red", "sign_yellow", "licence_plate"])
+@pytest.mark.parametrize("material", ["sign_red", "sign_white", "sign_yellow", "licence_plate"])
 def test_signs_and_licence_plates_are_detected_farther_than_anything(material: str) -> None:
     found = measure(EXACT, panel(199.0, EXACT, material))
     assert len(found.points) == 120_000
