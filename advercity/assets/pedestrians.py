@@ -125,10 +125,11 @@ def build_walker(figure: Figure, size: Size) -> Body:
 
     The length of the box sets the stride; a standing person is as wide and high as the box.
     """
+    standing = build_rigged_body(figure.limbs, None, size)
 
     def walk(stride_m: float) -> Body:
         postures = compute_walking_postures(figure.build, figure.rest, stride_m, POSES_PER_CYCLE)
-        return _rig_walker(figure.limbs, figure.rest, postures, stride_m, size)
+        return replace(standing, gait=_compute_gait(figure.rest, postures, stride_m))
 
     body = walk(_solve_stride_m(walk, figure.build, size[0]))
     factor, offset = compute_box_fit(body, size)
@@ -167,15 +168,8 @@ def build_figure(
     ]
 
 
-def _rig_walker(
-    limbs: list[SkinnedSurface],
-    rest: Float64Array,
-    postures: Float64Array,
-    stride_m: float,
-    size: Size,
-) -> Body:
-    gait = Gait(stride_m, compute_bone_transforms(rest, postures), returns_to_rest=True)
-    return build_rigged_body(limbs, gait, size)
+def _compute_gait(rest: Float64Array, postures: Float64Array, stride_m: float) -> Gait:
+    return Gait(stride_m, compute_bone_transforms(rest, postures), returns_to_rest=True)
 
 
 def _solve_stride_m(
@@ -198,4 +192,5 @@ def _build_umbrella_body(figure: Figure, stride_m: float, size: Size) -> Body:
         attach_to_bone(surface, Bone.TRUNK, len(BONE_SIDES), material, Semantic.PEDESTRIAN)
         for surface, material in build_umbrella(rest, build, f"cloth_{figure.umbrella}")
     ]
-    return _rig_walker(limbs, rest, raise_right_forearm(walking, build), stride_m, size)
+    gait = _compute_gait(rest, raise_right_forearm(walking, build), stride_m)
+    return build_rigged_body(limbs, gait, size)

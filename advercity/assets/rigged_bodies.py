@@ -44,7 +44,7 @@ def attach_to_bone(
     return SkinnedSurface(smooth, weights, material, semantic)
 
 
-def build_rigged_body(limbs: Sequence[SkinnedSurface], gait: Gait, size: Size) -> Body:
+def build_rigged_body(limbs: Sequence[SkinnedSurface], gait: Gait | None, size: Size) -> Body:
     """Assemble a body of one mesh per material and semantic class; it is not fitted to `size`."""
     groups: dict[tuple[str, Semantic], list[SkinnedSurface]] = {}
     for limb in limbs:
@@ -131,7 +131,8 @@ def compute_extent(body: Body) -> tuple[Float64Array, Float64Array]:
         shift = np.array([shift_m, 0.0, 0.0])
         for transforms in poses:
             _, moved = _blend_transforms(weights, transforms, points)
-            corners.append((moved.min(axis=0) - shift, moved.max(axis=0) + shift))
+            axes = np.ascontiguousarray(moved.T)  # three long rows are searched sooner
+            corners.append((axes.min(axis=1) - shift, axes.max(axis=1) + shift))
     low, high = np.array(corners, dtype=np.float64).swapaxes(0, 1)
     return low.min(axis=0), high.max(axis=0)
 
