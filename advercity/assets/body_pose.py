@@ -23,6 +23,7 @@ CLOTH_MATERIALS = (
     "cloth_black",
     "cloth_blue",
     "cloth_light",
+    "cloth_white",
 )
 """Colours that the clothes of people who share a body differ by."""
 STATIONARY_POSE_M_S = 0.15

@@ -8,7 +8,7 @@ radians.
 from __future__ import annotations
 
 from collections.abc import Generator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -580,9 +580,13 @@ class AgentView:
     def _read_image(self, suffix: str, mode: int) -> NDArray[np.uint8]:
         path = self.path(suffix)
         image: Any = None
-        with suppress(OSError, cv2.error):  # missing, or empty; of a damaged one it returns None
+        try:
             raw = np.frombuffer(read_bytes(path, max_bytes=MAX_IMAGE_BYTES), np.uint8)
-            image = cv2.imdecode(raw, mode)
+            image = cv2.imdecode(raw, mode)  # None if it is damaged
+        except PermissionError as error:
+            raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
+        except (OSError, cv2.error):  # missing, or empty
+            pass
         if image is None:
             raise InputError(f"{path}: is missing or no image; {REPAIR_HINT}")
         return image

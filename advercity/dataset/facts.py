@@ -2,6 +2,7 @@
 
 import os
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
@@ -21,6 +22,7 @@ from advercity.dataset.message_facts import (
 from advercity.dataset.reader import FrameView, Scenario
 from advercity.dataset.scenario_folders import find_scenarios, no_frames_error
 from advercity.dataset.weather_truth import WeatherTruth
+from advercity.errors import RunError
 from advercity.physics.timeline import WeatherTimeline
 from advercity.processes import end_with_parent
 from advercity.sensors.measurements import PointKind
@@ -91,13 +93,20 @@ def collect_dataset_facts(dataset: Path) -> list[ScenarioFacts]:
 
     Raises:
         InputError: There is no dataset, it has no frames, or a file of it cannot be read.
+        RunError: A process that reads it cannot start, or was ended.
     """
     folders = find_scenarios(dataset)
     # Forking a process that has threads, as OpenCV starts them, may deadlock.
-    with ProcessPoolExecutor(
-        mp_context=get_context("spawn"), initializer=end_with_parent, initargs=(os.getpid(),)
-    ) as pool:
-        found = [facts for facts in pool.map(collect_scenario_facts, folders) if facts.num_frames]
+    try:
+        with ProcessPoolExecutor(
+            mp_context=get_context("spawn"), initializer=end_with_parent, initargs=(os.getpid(),)
+        ) as pool:
+            facts = list(pool.map(collect_scenario_facts, folders))
+    except BrokenProcessPool as error:
+        raise RunError(
+            f"{dataset}: a process that read it has ended; is memory short, or may it not start?"
+        ) from error
+    found = [item for item in facts if item.num_frames]
     if not found:
         raise no_frames_error(dataset)
     return found

@@ -37,6 +37,7 @@ PARTIAL_SUFFIX = ".advercity-partial"
 """End of the names of unfinished files, which no file of others has."""
 KEPT_SUFFIX = ".kept"
 """End of the names that files of others are given where a run writes one of its own."""
+_ERRORS_OF_FULL_DISKS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 NO_FILE_ERRORS = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
 MAX_LISTED_FILES = 3
 """Files that a message names."""
@@ -286,9 +287,10 @@ def report_disk_errors(path: Path) -> Generator[None]:
                 " the dataset; mount or link the whole `output` instead, so that a finished file"
                 " can be renamed into place"
             ) from error
+        remedy = "make room" if error.errno in _ERRORS_OF_FULL_DISKS else "make it writable"
         raise RunError(
-            f"{error.filename or path}: {describe_cause(error)}; finished frames are kept: make"
-            " room or choose another `output`, and run again"
+            f"{error.filename or path}: {describe_cause(error)}; finished frames are kept:"
+            f" {remedy} or choose another `output`, and run again"
         ) from error
 
 

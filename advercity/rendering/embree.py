@@ -27,7 +27,7 @@ from advercity.geometry.poses import Matrix
 _GEOMETRY_TRIANGLE, _GEOMETRY_INSTANCE = 0, 121
 _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
 _UINT3, _FLOAT3, _FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9134
-_COMPACT, _ROBUST, _COHERENT = 1 << 1, 1 << 2, 1 << 16
+_ROBUST, _COHERENT = 1 << 2, 1 << 16
 _EVERY_FEATURE = 0xFFFFFFFF
 
 _RAYS_PER_PACKET, _FIELDS_PER_RAY = 16, 21
@@ -255,13 +255,10 @@ def _raise_on_error() -> None:
 
 
 def _new_scene(owner: object) -> int:
-    """Create a scene that lives as long as its owner, without gaps between adjacent triangles.
-
-    Its triangles refer to their vertices, of which they would otherwise have copies.
-    """
+    """Create a scene that lives as long as its owner, without gaps between adjacent triangles."""
     scene = _load_embree().rtcNewScene(_open_device())
     weakref.finalize(owner, _load_embree().rtcReleaseScene, scene)
-    _load_embree().rtcSetSceneFlags(scene, _COMPACT | _ROBUST)
+    _load_embree().rtcSetSceneFlags(scene, _ROBUST)
     return scene
 
 

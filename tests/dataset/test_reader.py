@@ -1,3 +1,4 @@
+import errno
 import os
 import pickle
 import re
@@ -219,6 +220,17 @@ def test_a_folder_without_scenarios_is_refused(tmp_path: Path) -> None:
 def test_a_camera_that_the_rig_lacks_is_reported(dataset: Dataset) -> None:
     with pytest.raises(InputError, match="cav1 has cameras 0 to 3; there is no camera 7"):
         dataset[0]["cav1"].image(7)
+
+
+def test_an_image_that_may_not_be_read_is_not_called_missing(
+    dataset: Dataset, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: Path, **_: int) -> bytes:
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr("advercity.dataset.agent_view.read_bytes", refuse)
+    with pytest.raises(InputError, match="cannot be read: Permission denied"):
+        dataset[1]["cav2"].image(1)
 
 
 def test_a_missing_image_is_reported(dataset: Dataset) -> None:

@@ -3,6 +3,7 @@
 import csv
 import sys
 from collections.abc import Sequence
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from advercity.dataset.facts import OBJECT_FACT, ScenarioFacts, collect_dataset_
 from advercity.dataset.statistics import StatisticsTable, compute_tables, write_tables
 from advercity.dataset.statistics_plots import draw_table, write_plots
 from advercity.dataset.weather_truth import WeatherTruth
-from advercity.errors import InputError
+from advercity.errors import InputError, RunError
 from advercity.sensors.measurements import PointKind
 from tests.builders import SLOPE_RAD, TWO_ROADS_FRAMES
 
@@ -205,3 +206,14 @@ def test_plots_without_matplotlib_name_the_extra(
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     with pytest.raises(InputError, match=r"pip install 'advercity\[stats\]'"):
         draw_table(compute_tables(facts)[1])
+
+
+def test_a_process_that_cannot_read_a_scenario_is_reported(
+    two_roads: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def end(*_: object) -> None:
+        raise BrokenProcessPool
+
+    monkeypatch.setattr("concurrent.futures.ProcessPoolExecutor.map", end)
+    with pytest.raises(RunError, match=f"{two_roads}: a process that read it has ended"):
+        collect_dataset_facts(two_roads)

@@ -1,6 +1,9 @@
 """Spray, glass, ghosts, vignetting and white balance."""
 
 import math
+import os
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -335,3 +338,23 @@ def test_grey_stays_grey_while_the_sun_sets_and_lamps_go_on() -> None:
         )
     ]
     assert whites[0] == pytest.approx(whites[1], rel=0.03)
+
+
+def test_a_white_point_does_not_depend_on_the_number_of_threads() -> None:
+    program = (
+        "from advercity.compiler import find_weather\n"
+        "from advercity.physics.atmosphere import compute_atmosphere\n"
+        "from advercity.sensors.camera.electronics import find_white_point\n"
+        "weather = find_weather('heavy_rain_night').declaration\n"
+        "print(find_white_point(compute_atmosphere(weather, 'rural')).tolist())\n"
+    )
+    printed = {
+        subprocess.run(
+            [sys.executable, "-c", program],
+            env=os.environ | {"OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for threads in ("1", "2", "3")
+    }
+    assert len(printed) == 1

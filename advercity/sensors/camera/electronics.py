@@ -296,7 +296,8 @@ def _ground_illuminance(atmosphere: Atmosphere) -> Float64Array:
     sky = atmosphere.sky.astype(np.float64)
     size = sky.shape[1]
     weight = np.maximum(cubemap_directions(size)[..., 2], 0.0) * cubemap_solid_angles(size)
-    diffuse = np.tensordot(weight, sky, axes=3)
+    # Not by a product of matrices: OpenBLAS sums in another order for every number of threads.
+    diffuse = np.einsum("fij,fijc->c", weight, sky)
     direct = atmosphere.sun_lx * max(0.0, float(atmosphere.sun_direction[2]))
     sun = direct * np.asarray(atmosphere.sun_colour)
     return diffuse + sun + atmosphere.street_lx * np.asarray(LED_COLOUR)

@@ -79,7 +79,8 @@ class AmbientLight:
     @property
     def mean_luminance(self) -> Float64Array:
         """Mean luminance (3,) of all directions, without the sun."""
-        return self.solid_angle_fraction @ self.luminance
+        # Not by a product of matrices: OpenBLAS sums in another order for every number of threads.
+        return np.einsum("n,nj->j", self.solid_angle_fraction, self.luminance)
 
     def drop_luminance(self, rays: Float64Array) -> Float64Array:
         """Compute the luminance (n, 3) of drops along unit view rays (n, 3)."""

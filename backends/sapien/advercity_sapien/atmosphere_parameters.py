@@ -69,8 +69,11 @@ def compute_irradiance_harmonics(sky: Float32Array) -> Float64Array:
     directions = cubemap_directions(size).reshape(-1, 3)
     light = (sky * cubemap_solid_angles(size)[..., None]).reshape(-1, 3)
     basis = _harmonic_basis(directions)
-    coefficients = (COSINE_LOBE_FACTORS * HARMONIC_NORMS**2)[:, None] * (basis.T @ light)
-    horizontal = np.clip(directions[:, 2], 0.0, None) @ light
+    # Not by products of matrices: OpenBLAS sums in another order for every number of threads.
+    coefficients = (COSINE_LOBE_FACTORS * HARMONIC_NORMS**2)[:, None] * np.einsum(
+        "nk,nj->kj", basis, light
+    )
+    horizontal = np.einsum("n,nj->j", np.clip(directions[:, 2], 0.0, None), light)
     approximate = _harmonic_basis(np.array([[0.0, 0.0, 1.0]]))[0] @ coefficients
     level = np.divide(horizontal, approximate, out=np.ones(3), where=approximate > 0.0)
     return coefficients * level

@@ -98,7 +98,8 @@ def bake_light_probes(world: World, atmosphere: Atmosphere) -> LightProbes:
         layer[..., 3] = ground
         layer[..., 4:7] = grid.shape(moment / luminance(mean)[:, None])
         _spread_light(layer, grid.shape(~sees_sky))
-    moment = luminance(sky) @ directions
+    # OpenBLAS would sum in another order for every number of threads.
+    moment = np.einsum("n,nj->j", luminance(sky), directions)
     halves = np.split(texels.reshape(-1, grid.columns, 8), 2, axis=-1)
     light, direction = map(np.ascontiguousarray, halves)
     return LightProbes(light, direction, grid.corner, grid.size, moment / luminance(open_mean))
