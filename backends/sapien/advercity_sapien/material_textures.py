@@ -108,7 +108,7 @@ def _to_bytes(fraction: Float64Array) -> NDArray[np.uint8]:
 
 def drop_unseen_detail(texels: Texels, tile_m: float, finest_m: float) -> Texels:
     """Halve an image (h, w, channels) of a width as often as its texels stay as fine as is seen."""
-    halvings = int(max(0.0, np.log2(finest_m * texels.shape[1] / tile_m)))
+    halvings = int(np.log2(max(1.0, finest_m * texels.shape[1] / tile_m)))
     for _ in range(min(halvings, min(texels.shape[:2]).bit_length() - 1)):
         height, width, channels = texels.shape
         blocks = texels.reshape(height // 2, 2, width // 2, 2, channels)

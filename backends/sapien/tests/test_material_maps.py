@@ -192,7 +192,9 @@ def test_detail_that_small_images_do_not_show_is_missed_in_none(name: str) -> No
     assert 0.0 < deviation < 0.01
 
 
-@pytest.mark.parametrize(("finest_m", "side"), [(0.001, 1024), (0.003, 1024), (0.004, 512)])
+@pytest.mark.parametrize(
+    ("finest_m", "side"), [(0.0, 1024), (0.001, 1024), (0.003, 1024), (0.004, 512)]
+)
 def test_texels_are_as_fine_as_images_show(finest_m: float, side: int) -> None:
     texels = np.random.default_rng(5).integers(-127, 128, (1024, 1024, 2)).astype(np.int8)
     kept = drop_unseen_detail(texels, tile_m=2.0, finest_m=finest_m)
