@@ -19,6 +19,8 @@ FAR_M = 3000.0
 """Depth up to which cameras see."""
 AVERAGED_FOOTPRINT_M = 0.5
 """After the first hit texture is averaged: it would only add noise."""
+BLADE_COSINE = 0.3
+"""Cosine of the angle between normal and triangle up to which crops are a blade, not a field."""
 LEVEL_SLOPE, STEEP_SLOPE = 0.3, 0.7
 """Sines of slopes up to which surfaces of ordered and unordered patterns count as level."""
 
@@ -55,7 +57,11 @@ class Crossing:
 
 @dataclass
 class Hit:
-    """A surface that a ray hits; its normal faces where the ray came from."""
+    """A surface that a ray hits; its normal faces where the ray came from.
+
+    Attributes:
+        is_thin: Whether it is a leaf or a blade, whose normal says nothing of its sides.
+    """
 
     position: Any
     normal: Any
@@ -71,6 +77,7 @@ class Hit:
     right: Any
     semantic: Any
     actor: Any
+    is_thin: Any
 
 
 def trace(scene: Any, origin: Any, direction: Any, active: Any, *, coherent: bool) -> Crossing:
@@ -127,9 +134,13 @@ def fetch_hit(scene: Scene, crossing: Crossing, origin: Any, ray: Any, active: A
     # Of a painted part the mesh has the images alone.
     albedo, second = dr.select(painted, paint[0], first), dr.select(painted, paint[1], second)
     kind, flags = mi.UInt32(second.y), mi.UInt32(second.w)
-    # Leaves have the normal of their crown, on the side that is seen.
-    back = dr.dot(dr.select(kind == int(Texture.LEAVES), normal, dr.cross(step1, step2)), ray) > 0.0
-    normal = dr.select(back, -normal, normal)
+    face = dr.normalize(dr.cross(step1, step2))
+    is_leaf = kind == int(Texture.LEAVES)
+    is_blade = (kind == int(Texture.CROPS)) & (dr.abs(dr.dot(normal, face)) < BLADE_COSINE)
+    # Leaves have the normal of their crown, on the side that is seen; blades of crops that of their
+    # field, on both.
+    back = dr.dot(dr.select(is_leaf, normal, face), ray) > 0.0
+    normal = dr.select(back & ~is_blade, -normal, normal)
     lens = dr.gather(mi.Float, placed.luminances, row * 8 + mi.UInt32(second.z), active)
     position = origin + ray * crossing.distance
     along_world = third.y > 0.0
@@ -151,6 +162,7 @@ def fetch_hit(scene: Scene, crossing: Crossing, origin: Any, ray: Any, active: A
         right=dr.select(along_world, right, mesh_right),
         semantic=triangle.w >> SEMANTIC_SHIFT,
         actor=own.y,
+        is_thin=is_leaf | is_blade,
     )
 
 

@@ -297,9 +297,9 @@ def _reflect(scene: Scene, camera: Camera, path: _Path, hit: Hit, path_depth: An
     emitted = dr.select(path.sees_lenses, hit.emission * hit.albedo, 0.0)
     is_direct = (path.depth == 0) & (path.panes == 0)
     found = dr.select(is_direct, 0.0, emitted)
-    # The normal of a crown may point behind the leaf: towards the sun is before what hides it.
-    is_leaf = s.through > 0.0
-    shown = dr.select(is_leaf, light.sun_direction, hit.normal) if light.has_sun else hit.normal
+    # What is thin has the normal of a crown or a field, maybe along or behind it: towards the sun
+    # is before what hides it.
+    shown = dr.select(hit.is_thin, light.sun_direction, hit.normal) if light.has_sun else hit.normal
     outside = hit.position + away * shown
     found += _compute_sunlight(scene, s, eye, outside, path.active)
     travelled = path.travelled + path.crossing.distance
@@ -318,7 +318,7 @@ def _reflect(scene: Scene, camera: Camera, path: _Path, hit: Hit, path_depth: An
     is_mirror = s.alpha < MIRROR_ALPHA if light.night else mi.Bool(True)
     return replace(
         path,
-        origin=mi.Point3f(hit.position + away * dr.select(is_leaf, direction, hit.normal)),
+        origin=mi.Point3f(hit.position + away * dr.select(hit.is_thin, direction, hit.normal)),
         direction=mi.Vector3f(direction),
         radiance=path.radiance + path.throughput * found,
         lenses=path.lenses + dr.select(is_direct, path.throughput * emitted, 0.0),

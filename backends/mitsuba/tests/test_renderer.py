@@ -185,6 +185,24 @@ def test_the_denoiser_leaves_lenses_as_they_are(backend: MitsubaBackend) -> None
     assert denoised[~shines].max() < 0.1 * traced.max()
 
 
+@pytest.mark.parametrize("across", [1.0, -1.0], ids=["from the front", "from behind"])
+def test_blades_of_crops_are_lit_as_their_field(backend: MitsubaBackend, across: float) -> None:
+    y = [across, -across, 0.0]
+    blade = Mesh(
+        "blade",
+        np.column_stack([[5.0] * 3, y, [0.5, 0.5, 3.0]]).astype(np.float32),
+        np.array([[0, 1, 2]], np.int32),
+        "crops",
+        Semantic.VEGETATION,
+        normals=np.tile(np.array([0.0, 0.0, 1.0], np.float32), (3, 1)),
+    )
+    field = build_box((0, 0, -0.5), (400, 400, 1), "crops", Semantic.ROAD)
+    world, empty = build_world((field, blade)), build_frame()
+    found = render(backend, DAY, world=world, frame=empty, samples=16)
+    mean = brightness(found)[found.semantic == Semantic.VEGETATION].mean()
+    assert mean == pytest.approx(brightness(found)[-4:].mean(), rel=0.25)
+
+
 def test_a_painted_body_is_of_its_paint_alone(backend: MitsubaBackend) -> None:
     plain, painted = (
         replace(
