@@ -23,12 +23,13 @@ from advercity.physics.lamp_beams import (
 )
 from advercity.physics.scattering import DropletPhaseLobes
 from advercity.rendering.backend import CameraView
-from advercity.rendering.light_sources import LAMP_HEIGHT_M
-from advercity_mitsuba.light import KILO, Light
+from advercity.rendering.fog_beams import DROPLET_UM
+from advercity.rendering.light_sources import FOG_LAMP_HEIGHT_M, LAMP_HEIGHT_M
+from advercity_mitsuba.light import KILO, Light, look_up_fog_beam
 from advercity_mitsuba.variant import dr, mi
 
 LAMP_COLUMNS = 12
-"""Numbers of a lamp: position and pattern, facing and squared size, peak in kcd and 0."""
+"""Numbers of a lamp: position and pattern, facing and squared size, peak in kcd and free path."""
 GRID_CELLS, GRID_MARGIN_M = 64, 60.0
 """Cells along each edge of the ground that has lamps, and how far it extends beyond them."""
 POINTS_PER_EDGE, POINT_HEIGHTS_M = 2, (0.1, 1.5)
@@ -44,11 +45,13 @@ LAMP_SIZE_M2, FOG_LAMP_SIZE_M2 = 0.01, 0.4
 """Squared size, nearer than which a lamp is not a point. A fog lamp represents two."""
 GLOW_DRAWS = 24
 """Lamps of which a path has the glow in the air."""
-DROPLET_UM = 12.0
-"""Diameter of the droplets of which fog consists."""
 LOBES = DropletPhaseLobes.from_diameter_um(DROPLET_UM)
+MAX_GAINED_DEPTH = 8.0
+"""Optical depth beyond which halos gain no more by repeated deflection."""
 LEAST_COSINE = 0.05
 """Cosine of incidence below which a lamp still has a chance: normals bend."""
+FAR_M = 1e6
+"""Length of the free path of lamps that nothing hides."""
 HOUSING_M = 0.25
 """Metres around a lamp that do not hide it."""
 
@@ -83,8 +86,8 @@ class LampSet:
         self._extinction = atmosphere.extinction.at_550nm
         size = np.where(self._pattern == LampPattern.FOG_BEAM, FOG_LAMP_SIZE_M2, LAMP_SIZE_M2)
         peak = colour * self._intensity_cd[:, None] * KILO
-        zero = np.zeros(len(lamps))
-        rows = np.column_stack([self._position, self._pattern, self._facing, size, peak, zero])
+        free_m = np.minimum([lamp.unobstructed_m for lamp in lamps], FAR_M)
+        rows = np.column_stack([self._position, self._pattern, self._facing, size, peak, free_m])
         stride = 1 << len(lamps).bit_length()
         first, per_m = self._compute_grid()
         device_rows = mi.Float(rows.astype(np.float32).ravel())
@@ -174,6 +177,7 @@ class Lamp:
     facing: Any
     size_m2: Any
     peak: Any
+    unobstructed_m: Any
 
 
 def fetch_lamp(lamps: Any, row: Any, active: Any = True) -> Lamp:
@@ -185,6 +189,7 @@ def fetch_lamp(lamps: Any, row: Any, active: Any = True) -> Lamp:
         mi.Vector3f(b.x, b.y, b.z),
         b.w,
         mi.Color3f(c.x, c.y, c.z),
+        c.w,
     )
 
 
@@ -335,11 +340,11 @@ def _evaluate_phase(cosine: Any) -> tuple[Any, Any]:
 def compute_glow(
     light: Light, tables: LampTables, chances: Any, eye: Any, ray: Any, range_m: Any, random: Any
 ) -> tuple[Any, Any]:
-    """Compute the light of lamps that the air scatters once into rays.
+    """Compute the light of lamps that the air scatters into rays.
 
-    One point of the ray for each of some lamps, drawn evenly in the cube root of the angle at the
+    For each of some lamps one point of the ray, drawn evenly in the cube root of the angle at the
     lamp: steps are short where the phase function is steep (equiangular sampling, Kulla and Fajardo
-    2012).
+    2012). For beams another one, of light that fog has scattered before.
 
     Returns:
         Radiance, and the random numbers' next state.
@@ -352,6 +357,7 @@ def compute_glow(
         row, chance = _draw_row(chances, mi.UInt32(0), tables.stride, number, mi.Bool(True))
         lamp = fetch_lamp(tables.lamps, row)
         glow = _compute_lamp_glow(light, lamp, eye, ray, range_m, random.next_float32())
+        glow += _compute_diffuse_glow(light, lamp, eye, ray, range_m, random.next_float32())
         glow *= dr.select(chance > 0.0, 1.0 / (GLOW_DRAWS * chance), 0.0)
         return i + 1, random, total + glow
 
@@ -381,7 +387,10 @@ def _draw_row(chances: Any, first: Any, stride: int, number: Any, active: Any) -
 
 
 def _compute_lamp_glow(light: Light, lamp: Lamp, eye: Any, ray: Any, range_m: Any, u: Any) -> Any:
-    """Compute the glow of one lamp from one point, by a random number."""
+    """Compute the glow of one lamp from one point, by a random number.
+
+    It is scattered once by the wide lobe, or as often as it meets droplets by the narrow one.
+    """
     away = lamp.position - eye
     # Only what is before the lamp is lit by it.
     start, slope = -dr.dot(away, lamp.facing), dr.dot(ray, lamp.facing)
@@ -399,9 +408,59 @@ def _compute_lamp_glow(light: Light, lamp: Lamp, eye: Any, ray: Any, range_m: An
     narrow, wide = _evaluate_phase(-tangent * sine)
     path = light.extinction * (t + from_lamp)
     left, wide_left = dr.exp(-path), dr.exp(-LOBES.wide_fraction * path)
-    scattered = narrow * left + wide * dr.select(is_beam(lamp), wide_left, left)
+    gain = _compute_deflection_gain(light, away, ray)
+    scattered = narrow * gain * left + wide * dr.select(is_beam(lamp), wide_left, left)
     given = compute_intensity_fraction(light, lamp, to_point, from_lamp)
     size = from_lamp * from_lamp
     given *= size / (size + lamp.size_m2) * 3.0 * u * u * span / closest
-    lit = (far > near) & (span > 0.0)
+    lit = (far > near) & (span > 0.0) & _is_unobstructed(lamp, to_point * from_lamp)
     return dr.select(lit, lamp.peak * (given * scattered * light.extinction), 0.0)
+
+
+def _is_unobstructed(lamp: Lamp, from_lamp: Any) -> Any:
+    """Whether points of the air are before another vehicle that the beam of a lamp meets."""
+    return dr.dot(from_lamp, lamp.facing) <= lamp.unobstructed_m
+
+
+def _compute_deflection_gain(light: Light, away: Any, ray: Any) -> Any:
+    """Compute what the narrow lobe deflects into rays, however often, relative to once."""
+    distance = dr.norm(away)
+    angle = dr.safe_acos(dr.dot(away, ray) / distance)
+    depth = dr.maximum(LOBES.narrow_fraction * light.extinction * distance, 1e-3)
+    often = compute_deflection_density(angle, compute_forward_spread(depth))
+    often *= dr.exp(dr.minimum(depth, MAX_GAINED_DEPTH)) - 1.0
+    return often / (depth * compute_deflection_density(angle, LOBES.narrow_scale_rad))
+
+
+def _compute_diffuse_glow(
+    light: Light, lamp: Lamp, eye: Any, ray: Any, range_m: Any, u: Any
+) -> Any:
+    """Compute the light that fog scatters out of a beam, and then into rays, from one point.
+
+    Part of it goes along its flow, as much as the square of its mean cosine (delta scaling), and
+    the rest is even. Points are even in the root of the air's opacity: most glows near the eye.
+    """
+    along = LOBES.wide_fraction * light.extinction
+    opacity = 1.0 - dr.exp(-along * range_m)
+    from_lamp = eye - dr.log(1.0 - opacity * u * u) / along * ray - lamp.position
+    flow, fluence = _look_up_scattered(light, lamp, from_lamp)
+    strength = dr.norm(flow)
+    lit = is_beam(lamp) & (strength > 0.0) & _is_unobstructed(lamp, from_lamp)
+    directed = dr.minimum(strength * strength / fluence, fluence)
+    _, wide = _evaluate_phase(-dr.dot(flow, ray) / strength)
+    turned = directed * wide / LOBES.wide_fraction + (fluence - directed) / (4.0 * math.pi)
+    return dr.select(lit, lamp.peak * (2.0 * u * opacity * turned), 0.0)
+
+
+def _look_up_scattered(light: Light, lamp: Lamp, from_lamp: Any) -> tuple[Any, Any]:
+    """Look up flow and fluence of light that fog and the road scatter, per candela of the peak."""
+    level = dr.rsqrt(dr.maximum(lamp.facing.x**2 + lamp.facing.y**2, 1e-6))
+    x, y = lamp.facing.x * level, lamp.facing.y * level
+    ahead, right = from_lamp.x * x + from_lamp.y * y, from_lamp.x * y - from_lamp.y * x
+    is_fog_beam = lamp.pattern == int(LampPattern.FOG_BEAM)
+    mounted = dr.select(is_fog_beam, mi.Float(FOG_LAMP_HEIGHT_M), LAMP_HEIGHT_M)
+    up = dr.maximum(from_lamp.z + mounted, 0.0)
+    root = dr.sign(ahead) * dr.sqrt(dr.abs(ahead)), dr.sqrt(dr.abs(right)), dr.sqrt(up)
+    forward, aside, rising, fluence = look_up_fog_beam(light, is_fog_beam, root)
+    aside = dr.select(right < 0.0, -aside, aside)
+    return mi.Vector3f(forward * x + aside * y, forward * y - aside * x, rising), fluence

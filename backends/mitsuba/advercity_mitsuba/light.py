@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from advercity.physics.atmosphere import Atmosphere
+from advercity.rendering.fog_beams import FOG_BEAM_NODES, compute_fog_beams, grid_corners
 from advercity.rendering.visible_sky import draw_visible_sky
 from advercity_mitsuba.variant import dr, mi
 
@@ -26,6 +27,8 @@ class Light:
     Attributes:
         sky: Texture of the cubemap with its clouds, the faces below each other.
         airlight: Texture of the airlight's cubemap.
+        fog_beams: By night, the texture of the light that fog scatters out of low beams, then out
+            of front fog lamps, with what the road reflects.
         extinction: 1/m.
         sun_direction: Unit vector.
         sun_irradiance: On a surface that faces the sun.
@@ -37,6 +40,7 @@ class Light:
 
     sky: Any
     airlight: Any
+    fog_beams: Any
     extinction: Any
     sun_direction: Any
     sun_irradiance: Any
@@ -52,6 +56,7 @@ def upload_light(atmosphere: Atmosphere) -> Light:
     light = Light(
         sky=_stack_faces(draw_visible_sky(atmosphere) * np.float32(KILO)),
         airlight=_stack_faces(air),
+        fog_beams=_upload_fog_beams(atmosphere) if atmosphere.night else None,
         extinction=mi.Float(atmosphere.extinction.at_550nm),
         sun_direction=mi.Vector3f(*map(float, atmosphere.sun_direction)),
         sun_irradiance=mi.Color3f(
@@ -69,6 +74,30 @@ def upload_light(atmosphere: Atmosphere) -> Light:
 def _stack_faces(faces: Any) -> Any:
     stacked = faces.reshape(-1, *faces.shape[2:]).astype(np.float32)
     return mi.Texture2f(mi.TensorXf(stacked), wrap_mode=dr.WrapMode.Clamp, use_accel=False)
+
+
+def _upload_fog_beams(atmosphere: Atmosphere) -> Any:
+    # Of each beam the second table has what the road reflects too, as glow does.
+    tables = compute_fog_beams(atmosphere.extinction.at_550nm)[:, 1]
+    values = mi.TensorXf(tables.reshape(-1, *tables.shape[2:]))
+    return mi.Texture3f(values, wrap_mode=dr.WrapMode.Clamp, use_accel=False)
+
+
+def look_up_fog_beam(light: Light, is_fog_beam: Any, root: tuple[Any, Any, Any]) -> list[Any]:
+    """Look up flow ahead, to the right and up, and fluence, of light scattered out of beams.
+
+    By roots of the metres ahead of the lamp, to either side, and above the ground; 0 far away.
+    """
+    inside, place = mi.Bool(True), list[Any]()
+    for at, low, high, nodes in zip(root, *grid_corners(), FOG_BEAM_NODES, strict=True):
+        node = (at - float(low)) * ((nodes - 1) / float(high - low))
+        inside &= (node >= 0.0) & (node < nodes - 1)
+        place.append((node + 0.5) / nodes)
+    ahead, right, up = place
+    # One beam's table is below the other's, and both end in zeros.
+    row = dr.select(is_fog_beam, 0.5 * ahead + 0.5, 0.5 * ahead)
+    found = light.fog_beams.eval(mi.Point3f(up, right, row), active=inside)
+    return [dr.select(inside, each, 0.0) for each in found]
 
 
 def look_up_sky(light: Light, ray: Any) -> Any:

@@ -128,6 +128,20 @@ def test_headlamps_have_the_pattern_that_sensors_know(backend: MitsubaBackend, l
     assert ratio == pytest.approx(1.0, abs=0.03)
 
 
+def test_beams_in_fog_glow_as_sapiens(backend: MitsubaBackend) -> None:
+    fog = AirExtinction(fog=Extinction(at_550nm=0.03))
+    (state,) = build_frame((-3.0, 0.0, 0.0)).states
+    own = replace(state, world_from_body=pose_matrix((-3.0, 0.0, 0.0)), lamps=Lamp.LOW_BEAM)
+    frame, night = Frame(0, 0.0, (own,), {}), build_clear_air(night=True, extinction=fog)
+    found, expected = (
+        render(one, night, world=build_world(STATIC[:1]), frame=frame)
+        for one in (backend, load_backend("sapien"))
+    )
+    sky = expected.semantic == Semantic.SKY
+    mean = brightness(expected)[sky].mean()
+    assert brightness(found)[sky].mean() == pytest.approx(mean, rel=0.1)
+
+
 def test_a_lamp_among_bright_ones_that_face_away_makes_no_noise(backend: MitsubaBackend) -> None:
     # The far lamp makes the cells large in which lamps are drawn.
     world = build_world(lamps=(StreetLamp((6.0, 0.0, 6.0)), StreetLamp((800.0, 0.0, 6.0))))

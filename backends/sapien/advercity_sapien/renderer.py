@@ -13,6 +13,7 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
 from advercity.rendering.denoising import denoise
+from advercity.rendering.fog_beams import compute_fog_beams
 from advercity.rendering.ground_maps import NO_SHELTER, build_shelter_map, build_wear_map
 from advercity.rendering.light_sources import list_light_sources
 from advercity.world import World
@@ -24,7 +25,6 @@ from advercity_sapien.atmosphere_parameters import (
 )
 from advercity_sapien.contact_map import ContactMap
 from advercity_sapien.culling import SunShadow, compute_view_frustum
-from advercity_sapien.fog_beams import compute_fog_beam_rows
 from advercity_sapien.lamp_lists import LampLists
 from advercity_sapien.lamp_shadows import NO_SHADOWS, LampShadows
 from advercity_sapien.light_probes import NO_PROBES, LightProbes, bake_light_probes
@@ -149,8 +149,8 @@ class SapienRenderer:
 
     def _write_fog_beams(self, atmosphere: Atmosphere) -> None:
         if atmosphere.night:
-            rows = compute_fog_beam_rows(atmosphere.extinction.at_550nm)
-            self._table.section("fog_beams")[:] = rows
+            section = self._table.section("fog_beams")
+            section[:] = compute_fog_beams(atmosphere.extinction.at_550nm).reshape(section.shape)
 
     def place(self, frame: Frame) -> None:
         """Move every actor to its pose in `frame`, and switch lamps and signals."""

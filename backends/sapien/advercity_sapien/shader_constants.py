@@ -27,11 +27,11 @@ from advercity.physics.lamp_beams import (
     LampPattern,
 )
 from advercity.physics.scattering import DropletPhaseLobes
+from advercity.rendering.fog_beams import DROPLET_UM, FOG_BEAM_NODES, grid_corners
 from advercity.rendering.ground_maps import NEUTRAL_WEAR, WEAR_STEPS
 from advercity.rendering.lamp_lenses import LENS_KCD_M2, TAIL_LAMP_KCD_M2, LensKind
 from advercity.rendering.light_sources import FOG_LAMP_HEIGHT_M, LAMP_HEIGHT_M
 from advercity.rendering.surface_weather import NO_WATER_LEVEL
-from advercity_sapien.fog_beams import DROPLET_UM, grid_corners
 from advercity_sapien.lamp_lists import MIRROR_HALF_ANGLE_RAD, NO_ANGLE_LIMIT
 from advercity_sapien.lamp_shadows import (
     BEAM_REACH,
@@ -43,7 +43,6 @@ from advercity_sapien.lamp_shadows import (
 from advercity_sapien.light_probes import LEVEL_HEIGHTS_M
 from advercity_sapien.material_textures import MAX_ROUGHNESS_RATIO
 from advercity_sapien.shader_table import (
-    FOG_BEAM_NODES,
     format_scene_textures_glsl,
     format_table_glsl,
 )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from advercity.geometry.arrays import Float32Array
+from advercity.rendering.fog_beams import FOG_BEAM_NODES
 
 KILO = 1e-3
 """Factor from cd/m² and lx to the renderer's kcd/m² and klx."""
@@ -26,8 +27,8 @@ TILES_HIGH, TILES_WIDE, LAMPS_PER_TILE = 18, 32, 16
 """Tiles of an image."""
 BEARINGS, LAMPS_PER_BEARING = 64, 32
 """Sectors of the horizon, counterclockwise from -180 degrees."""
-FOG_BEAM_NODES, FOG_BEAM_TABLES = (24, 24, 24), 4
-"""Nodes ahead of a lamp, to its right and up; tables of low beams and front fog lamps, two each."""
+FOG_BEAM_TABLES = 4
+"""Tables of low beams and front fog lamps, two each."""
 
 
 @dataclass(frozen=True)

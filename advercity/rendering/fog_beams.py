@@ -4,8 +4,8 @@ Fog by night glows mostly with light that is scattered several times: most of wh
 back from its own beams turned in two or three steps. Some ten thousand photons of a beam are
 followed over level ground, and their flow and fluence recorded on a grid that is fine near the
 lamp. Of the glow, a seventh is light that the road reflects before any fog has scattered it;
-surfaces do not get that part from here, as it has nothing to do with fog. As everywhere in these
-shaders, light that droplets deflect by the narrow lobe counts as not scattered.
+surfaces do not get that part from here, as it has nothing to do with fog. As everywhere by night,
+light that droplets deflect by the narrow lobe counts as not scattered.
 """
 
 import math
@@ -20,10 +20,11 @@ from advercity.physics.scattering import DropletPhaseLobes
 from advercity.physics.sky import GROUND_ALBEDO
 from advercity.randomness import create_generator
 from advercity.rendering.light_sources import FOG_LAMP_HEIGHT_M, FOG_LAMP_TILT_RAD, LAMP_HEIGHT_M
-from advercity_sapien.shader_table import COLUMNS, FOG_BEAM_NODES
 
 DROPLET_UM = 12.0
-"""Droplet diameter of every fog by night, in the shaders too; a weather's own is for daylight."""
+"""Droplet diameter of every fog by night, for renderers too; a weather's own is for daylight."""
+FOG_BEAM_NODES = 24, 24, 24
+"""Nodes of a table ahead of a lamp, to its right and up."""
 LOW_CORNER_M, HIGH_CORNER_M = (-30.0, 0.0, 0.0), (120.0, 60.0, 40.0)
 """Extent of the grid: ahead of the lamp, to either side, and above the ground."""
 PHOTONS, MAX_SCATTERINGS = 250_000, 12
@@ -39,26 +40,26 @@ PHASE_STEPS = 4000
 Generator = np.random.Generator
 
 
-def compute_fog_beam_rows(extinction_per_m: float) -> Float32Array:
-    """Compute the table's rows (rows, COLUMNS, 4) of low beams, then those of front fog lamps.
+def compute_fog_beams(extinction_per_m: float) -> Float32Array:
+    """Compute tables (beam, kind, nodes ahead, right, up, 4) of low beams and of front fog lamps.
 
-    Of each, those of light that fog has scattered, then those with what the road reflects. Texels
-    are flow ahead, to the right and up, and fluence, in 1/m² per candela of the peak; nodes follow
-    each other upwards, then to the right, then ahead. Takes three seconds of processor time.
+    Of each, that of light that fog has scattered, then that with what the road reflects. Values
+    are flow ahead, to the right and up, and fluence, in 1/m² per candela of the peak. Nodes are
+    evenly spaced between `grid_corners`. Takes three seconds of processor time.
     """
     step = round(math.log(max(extinction_per_m, 1e-6)) / math.log(EXTINCTION_RATIO))
-    return _compute_rows(step)
+    return _compute_tables(step)
 
 
 @cache
-def _compute_rows(extinction_step: int) -> Float32Array:
+def _compute_tables(extinction_step: int) -> Float32Array:
     wide_fraction = DropletPhaseLobes.from_diameter_um(DROPLET_UM).wide_fraction
     extinction = wide_fraction * EXTINCTION_RATIO**extinction_step
     grids = [
         trace_beam(LOW_BEAM, LAMP_HEIGHT_M, 0.0, extinction),
         trace_beam(FRONT_FOG_BEAM, FOG_LAMP_HEIGHT_M, FOG_LAMP_TILT_RAD, extinction),
     ]
-    return np.concatenate([grid.reshape(-1, COLUMNS, 4) for grid in grids])
+    return np.stack(grids)
 
 
 def trace_beam(

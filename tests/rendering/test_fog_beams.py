@@ -4,16 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from advercity_sapien.fog_beams import (
-    HIGH_CORNER_M,
-    compute_fog_beam_rows,
-    grid_corners,
-    trace_beam,
-)
-from advercity_sapien.shader_table import COLUMNS, FOG_BEAM_NODES, FOG_BEAM_TABLES
 
 from advercity.geometry.arrays import Float32Array
 from advercity.physics.lamp_beams import LOW_BEAM
+from advercity.rendering.fog_beams import (
+    FOG_BEAM_NODES,
+    HIGH_CORNER_M,
+    compute_fog_beams,
+    grid_corners,
+    trace_beam,
+)
 
 THIN = 1e-4
 
@@ -65,12 +65,12 @@ def test_the_road_reflects_upwards_what_no_fog_has_scattered_before() -> None:
 
 
 def test_nothing_is_left_where_the_table_ends() -> None:
-    rows = compute_fog_beam_rows(0.05)
-    assert rows.shape == (FOG_BEAM_TABLES * math.prod(FOG_BEAM_NODES) // COLUMNS, COLUMNS, 4)
-    low_beam = rows[: len(rows) // FOG_BEAM_TABLES].reshape(*FOG_BEAM_NODES, 4)
+    tables = compute_fog_beams(0.05)
+    assert tables.shape == (2, 2, *FOG_BEAM_NODES, 4)
+    low_beam = tables[0, 0]
     assert low_beam[-1].max() == low_beam[:, -1].max() == low_beam[:, :, -1].max() == 0.0
     assert HIGH_CORNER_M[0] > 100.0
 
 
 def test_nearly_equal_fogs_have_the_same_table() -> None:
-    assert compute_fog_beam_rows(0.0500) is compute_fog_beam_rows(0.0501)
+    assert compute_fog_beams(0.0500) is compute_fog_beams(0.0501)
