@@ -395,7 +395,8 @@ def test_beams_in_fog_are_as_bright_as_mitsubas(monkeypatch: pytest.MonkeyPatch)
         pack="raster",
         size=(fine * SIZE[0], fine * SIZE[1]),
     )
-    # It lacks the light that the lit ground gives to walls, and has the glow of every fourth pixel.
+    # It lacks the light that the lit ground gives to the walls, a tenth: four times the steps along
+    # rays change its mean by 0.4 %.
     assert rastered.mean() == pytest.approx(expected.mean(), rel=0.12)
 
 
