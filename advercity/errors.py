@@ -6,6 +6,7 @@ AdvercityError
     └── BackendError    a rendering backend is missing, broken or has no device
 """
 
+import errno
 import os
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -43,8 +44,23 @@ class BackendError(RunError):
 
 
 def describe_cause(error: OSError) -> str:
-    """Describe why the system refused something; errors of Python's own have no `strerror`."""
+    """Describe why the system refused something, and the way out where it is not plain.
+
+    Errors of Python's own have no `strerror`.
+    """
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        return f"{error.strerror}: allow more with `ulimit -n`"
+    if error.errno == errno.ENOENT and not _has_working_folder():
+        return "the working folder has been deleted; change to one that exists"
     return error.strerror or str(error) or type(error).__name__
+
+
+def _has_working_folder() -> bool:
+    try:
+        os.getcwd()  # noqa: PTH109 - the same
+    except FileNotFoundError:
+        return False
+    return True
 
 
 def explain_system_error(error: OSError | MemoryError) -> RunError:

@@ -22,6 +22,9 @@ from advercity.data_folder import find_data_folder
 from advercity.documents import read_bytes
 from advercity.errors import InputError
 
+MANIFEST_FILE = "manifest.json"
+PROTOCOL_FILE = "data_protocol.yaml"  # name that OPV2V has for it
+STAGING_FOLDER = ".staging"
 RECORD_FILE = "written_files"
 """File in the data folder: a line with a SHA-256 for every content and where it was written."""
 MAX_RECORD_BYTES = 100_000_000
@@ -45,9 +48,11 @@ def open_output_folder(folder: Path) -> Generator[Path]:
     """Yield a temporary folder; at the end its files are moved into `folder`, all or none.
 
     Raises:
-        InputError: One of them exists there, with other content, and may not be replaced.
+        InputError: One of them exists there, with other content, and may not be replaced; or the
+            folder is in a scenario.
         OSError: The files cannot be written; it names a file or the folder.
     """
+    check_is_outside_scenarios(folder)
     with name_in_errors(folder), open_partial_folder(folder) as partial:
         yield partial
         digests = {path: _compute_digest(path) for path in sorted(partial.iterdir())}
@@ -72,12 +77,13 @@ def write_output(path: Path, content: bytes) -> None:
 
 
 def check_output(path: Path, digest: str | None = None) -> None:
-    """Raise an InputError if a path exists and may not be replaced.
+    """Raise an InputError if a path exists and may not be replaced, or is in a scenario.
 
     Args:
         path: File to be written.
         digest: SHA-256 of its new content; a file that has it already is no loss.
     """
+    check_is_outside_scenarios(path.parent)
     if path.is_dir():
         raise InputError(f"{path}: is a folder; name another file")
     if not is_replaceable(path, digest):
@@ -85,6 +91,40 @@ def check_output(path: Path, digest: str | None = None) -> None:
             f"{path}: exists, and there is no record that advercity wrote it as it is;"
             " rename or delete it, or write elsewhere"
         )
+
+
+def check_is_outside_scenarios(folder: Path) -> None:
+    """Check that a folder to be written into is not in a scenario, nor among unfinished files.
+
+    Loaders of OPV2V would take a folder there for an agent, or files for frames. Files beside the
+    scenarios of a dataset disturb none.
+
+    Raises:
+        InputError: It is.
+    """
+    for path in (folder.absolute(), resolve_links(folder)):
+        for parent in (path, *path.parents):
+            if is_scenario(parent):
+                place, dataset = "in a scenario", parent.parent
+            elif parent.name == STAGING_FOLDER and is_dataset_or_scenario(parent.parent):
+                place, dataset = "among the unfinished files", parent.parent
+            else:
+                continue
+            raise InputError(
+                f"{folder}: is {place} of a dataset; write into that dataset, {dataset}, or into"
+                " another folder"
+            )
+
+
+def is_scenario(folder: Path) -> bool:
+    """Return whether a folder is a scenario; programs of others have manifests of that name."""
+    return all((folder / name).is_file() for name in (MANIFEST_FILE, PROTOCOL_FILE))
+
+
+def is_dataset_or_scenario(folder: Path) -> bool:
+    """Return whether a folder is a scenario, or has one in it."""
+    found = (folder, *(path.parent for path in folder.glob(f"*/{MANIFEST_FILE}")))
+    return any(map(is_scenario, found))
 
 
 def is_replaceable(path: Path, digest: str | None = None) -> bool:

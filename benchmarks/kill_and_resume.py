@@ -1,7 +1,7 @@
 """Kills commands at random moments, and compares the resumed result with an undisturbed one.
 
     python benchmarks/kill_and_resume.py [SPEC] [--kills 20] [--other-kills 0] [--frames 12]
-        [--backend sapien]
+        [--backend sapien] [--commands split stats "export kitti"]
 
 The same command is started again after each kill, which comes when a random number of bytes is
 written; when it ends, the trees are compared and the next series starts from an empty folder. Exit
@@ -10,7 +10,7 @@ those of the command after each kill, is lost. Only the command's own process is
 workers of `--jobs` notice that by themselves.
 
 `--kills` are those of `run`, `--other-kills` those of each other command that writes: they work on
-the dataset of the undisturbed run.
+the dataset of the undisturbed run. `--commands` are the first words of those that are wanted.
 """
 
 import argparse
@@ -63,12 +63,16 @@ def main() -> int:
         run = _build_run_arguments(arguments)
         wrong = _kill_command(run, dataset, arguments.kills, moments)
         if arguments.other_kills:
-            for command in OTHER_COMMANDS:
+            for command in _choose_commands(arguments.commands):
                 words = command.replace(DATASET, str(dataset)).split()
                 whole = Path(folder) / "other"
                 wrong += _kill_command(words, whole, arguments.other_kills, moments)
                 shutil.rmtree(whole)
     return min(1, wrong)
+
+
+def _choose_commands(beginnings: Sequence[str]) -> list[str]:
+    return [command for command in OTHER_COMMANDS if command.startswith(tuple(beginnings))]
 
 
 def _kill_command(
@@ -206,6 +210,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("spec", type=Path, nargs="?", default="compiled/ui_fog_day_sparse.json")
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--other-kills", type=int, default=0)
+    parser.add_argument("--commands", nargs="+", default=[""])
     parser.add_argument("--frames", type=int, default=12)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--backend", default="sapien")

@@ -59,6 +59,11 @@ CloudColourOption = Annotated[
 ]
 
 
+def split_names(text: str) -> list[str]:
+    """Split names at commas, without blanks around them; of an empty text there are none."""
+    return [name.strip() for name in text.split(",")] if text.strip() else []
+
+
 def parse_frame_slice(text: str | None) -> slice:
     """Parse `A:B[:STEP]`, where A and B may be left out; None is every frame."""
     if text is None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advercity.cli.arguments import DatasetArgument
+from advercity.cli.arguments import DatasetArgument, split_names
 from advercity.cli.output import print_data, print_remark
 from advercity.errors import RunError
 
@@ -265,11 +265,11 @@ def split(
     validate: Annotated[str, typer.Option(help="Roads of this split.")] = "rcnj",
     test: Annotated[str, typer.Option(help="Roads of this split.")] = "ui",
 ) -> None:
-    """Link scenarios into train, validate and test by their roads."""
+    """Link scenarios into train, validate and test by their roads, separated by commas."""
     from advercity.dataset.index import link_splits as link
 
     roads = {"train": train, "validate": validate, "test": test}
-    found = link(dataset, output, {name: text.split(",") for name, text in roads.items()})
+    found = link(dataset, output, {name: split_names(text) for name, text in roads.items()})
     for name, members in found.items():
         print_data(f"{output / name}: {len(members)}")
 

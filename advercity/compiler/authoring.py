@@ -16,7 +16,7 @@ from advercity.compiler.source import parse_document
 from advercity.diagnostics import DiagnosticsError
 from advercity.documents import read_text
 from advercity.errors import InputError, report_write_errors
-from advercity.output_files import is_replaceable
+from advercity.output_files import check_is_outside_scenarios, is_replaceable
 
 SCHEMAS_FOLDER = ".advercity"
 """Folder of a library with the schemas to which the first lines of its files refer."""
@@ -49,13 +49,14 @@ def write_starter(kind: str, name: str, folder: Path) -> Path:
     that an author has changed stays.
 
     Raises:
-        InputError: The kind or name is not valid, or the file exists.
+        InputError: The kind or name is not valid, the file exists, or the folder is in a scenario.
     """
     schemas = _find_schemas_folder(folder)
     text = format_starter(
         kind, name, schemas=Path(os.path.relpath(schemas, resolve_links(folder))).as_posix()
     )
     path = folder / f"{name}.yaml"
+    check_is_outside_scenarios(folder)
     with report_write_errors():
         if os.path.lexists(path):
             raise InputError(f"{path}: already exists; choose another name")

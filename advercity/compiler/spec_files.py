@@ -20,6 +20,7 @@ from advercity.compiler.validation import validate_model
 from advercity.diagnostics import DiagnosticsError
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes, read_text
 from advercity.errors import InputError, report_write_errors
+from advercity.output_files import check_is_outside_scenarios
 
 MAX_LINE_LENGTH = 100
 
@@ -73,9 +74,11 @@ def write_specs(specs: Iterable[Spec], folder: str | os.PathLike[str]) -> str:
         What changed: `2 new, 1 changed, 107 unchanged, 3 removed`.
 
     Raises:
-        InputError: The folder is not writable, or a file of that name is not as it was compiled.
+        InputError: The folder is not writable or in a scenario of a dataset, or a file of that name
+            is not as it was compiled.
     """
     specs, folder = list(specs), Path(folder)
+    check_is_outside_scenarios(folder)
     texts = {f"{spec.id}.json": to_json(spec) for spec in specs}
     with report_write_errors():
         folder.mkdir(parents=True, exist_ok=True)

@@ -35,7 +35,7 @@ from advercity.dataset.image_codec import (
 )
 from advercity.dataset.radar_files import RADAR_POINT, load_cube
 from advercity.documents import MAX_JSON_BYTES, MAX_YAML_BYTES, parse_json, parse_yaml, read_bytes
-from advercity.errors import InputError, describe_cause
+from advercity.errors import InputError, RunError, describe_cause
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 from advercity.sensors.camera_model import CameraModel
@@ -65,13 +65,18 @@ REPAIR_HINT = "`advercity verify` lists all such files, `advercity repair` resto
 
 @contextmanager
 def report_read_errors(path: Path) -> Generator[None]:
-    """Raise an InputError that names the file for any error that reading or parsing it raises."""
+    """Name the file in any error that reading or parsing it raises.
+
+    Raises:
+        InputError: It is missing or damaged.
+        RunError: The system refuses to read it.
+    """
     try:
         yield
     except FileNotFoundError as error:
         raise InputError(f"{path}: is missing; {REPAIR_HINT}") from error
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
+        raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged; {REPAIR_HINT}") from error
 
@@ -584,7 +589,7 @@ class AgentView:
             raw = np.frombuffer(read_bytes(path, max_bytes=MAX_IMAGE_BYTES), np.uint8)
             image = cv2.imdecode(raw, mode)  # None if it is damaged
         except PermissionError as error:
-            raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
+            raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
         except (OSError, cv2.error):  # missing, or empty
             pass
         if image is None:

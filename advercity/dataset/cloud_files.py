@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from advercity.dataset.carla_frame import mirror_columns
 from advercity.documents import read_bytes
-from advercity.errors import InputError, describe_cause
+from advercity.errors import InputError, RunError, describe_cause
 
 if TYPE_CHECKING:
     from advercity.sensors.measurements import PointCloud
@@ -158,6 +158,8 @@ def read_pcd(path: Path, point: np.dtype[np.void] = PCD_POINT) -> NDArray[np.voi
     """
     try:
         header, _, rest = read_bytes(path, max_bytes=MAX_CLOUD_BYTES).partition(b"DATA ")
+    except PermissionError as error:
+        raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
     encoding, _, body = rest.partition(b"\n")
@@ -227,6 +229,8 @@ def read_ply(path: Path) -> NDArray[np.void]:
         header, _, body = content.partition(b"end_header\n")
         count = int(header.partition(b"element vertex ")[2].split(maxsplit=1)[0])
         columns = np.array(body.split(), dtype=np.float64).reshape(count, 6)
+    except PermissionError as error:
+        raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
     except (IndexError, ValueError) as error:

@@ -7,8 +7,8 @@ a folder of links to scenarios, which loaders take as their root.
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Literal
 
@@ -252,9 +252,10 @@ def link_splits(
     Nothing is copied. Calling it again updates the links.
 
     Raises:
-        InputError: Two scenarios have one name, a road belongs to no split, or to two, or `output`
-            is in a dataset or an export, or has a `splits.json` or a link that was not made by
-            this, or something else there; nothing is changed then.
+        InputError: Two scenarios have one name, a road belongs to no split, or to two, or is
+            neither the dataset's nor a published one, or `output` is in a dataset or an export, or
+            has a `splits.json` or a link that was not made by this, or something else there;
+            nothing is changed then.
         RunError: The links cannot be made.
     """
     split_of = _map_roads_to_splits(roads)
@@ -262,8 +263,10 @@ def link_splits(
     check_is_outside_datasets(output)
     check_is_outside_exports(output)
     found: dict[str, list[str]] = {name: [] for name in roads}
+    road_of = {name: Manifest.load(folder).spec.road.id for name, folder in folders.items()}
+    _check_roads_are_known(roads, {*road_of.values()}, dataset)
     for name, folder in folders.items():
-        road = Manifest.load(folder).spec.road.id
+        road = road_of[name]
         if road not in split_of:
             raise InputError(f"{folder}: road '{road}' is in no split; name it in one")
         found[split_of[road]].append(name)
@@ -283,6 +286,20 @@ def _map_roads_to_splits(roads: Mapping[str, Sequence[str]]) -> dict[str, str]:
     return {road: name for name, chosen in roads.items() for road in chosen}
 
 
+def _check_roads_are_known(
+    roads: Mapping[str, Sequence[str]], known: Collection[str], dataset: Path
+) -> None:
+    """Refuse roads that are a slip of the pen; of a part of a dataset, published ones may lack."""
+    published = {road for group in PUBLISHED_SPLITS.values() for road in group}
+    for split, chosen in roads.items():
+        for road in chosen:
+            if road not in known and road not in published:
+                raise InputError(
+                    f"{split}: no scenario of {dataset} is on a road '{road}';"
+                    f" its roads are {', '.join(sorted(known))}"
+                )
+
+
 def _link_folders(folders: dict[str, Path], found: dict[str, list[str]], output: Path) -> None:
     path, content = output / SPLITS_FILE, json.dumps(found, indent=1).encode() + b"\n"
     check_output(path, hashlib.sha256(content).hexdigest())
@@ -298,12 +315,27 @@ def _link_folders(folders: dict[str, Path], found: dict[str, list[str]], output:
     stale = {output / split / name for split, names in former.items() for name in names} - {*links}
     for link in (*links, *stale):
         check_link(link, links.get(link))
-    for split in found:
-        (output / split).mkdir(parents=True, exist_ok=True)
-    for link in stale:
-        link.unlink(missing_ok=True)
-    make_links(links)
-    write_output(path, content)
+    with _create_folders([output / split for split in found]):
+        for link in stale:
+            link.unlink(missing_ok=True)
+        make_links(links)
+        write_output(path, content)
+
+
+@contextmanager
+def _create_folders(folders: Sequence[Path]) -> Generator[None]:
+    """Create folders; after an error, those of them that are new and empty are removed."""
+    wanted = dict.fromkeys(path for folder in folders for path in (folder, *folder.parents))
+    missing = sorted((path for path in wanted if not os.path.lexists(path)), reverse=True)
+    try:
+        for folder in folders:
+            folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError:
+        for path in missing:
+            with suppress(OSError):
+                path.rmdir()
+        raise
 
 
 def _load_splits(path: Path) -> dict[str, list[str]]:

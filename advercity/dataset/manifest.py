@@ -18,6 +18,7 @@ from advercity.dataset.partial_files import FilePath, FileRecord, read_journals
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
     MANIFEST_VERSION,
+    check_is_readable,
     not_a_scenario_error,
 )
 from advercity.dataset.weather_truth import WeatherTruth
@@ -246,6 +247,7 @@ class Manifest(Model):
             InputError: The folder does not exist, has no manifest, or one that is no JSON.
             RunError: The manifest cannot be read, or is of another version.
         """
+        check_is_readable(scenario)
         path = scenario / MANIFEST_FILE
         try:
             text = read_bytes(path, max_bytes=MAX_JSON_BYTES)

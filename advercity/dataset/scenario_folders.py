@@ -3,6 +3,7 @@
 Imports no pydantic model: building those takes longer than opening a dataset.
 """
 
+import errno
 import os
 import re
 from collections.abc import Iterable
@@ -12,12 +13,15 @@ from typing import Final
 from advercity.atomic_files import resolve_links
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes, suggest_path
 from advercity.errors import InputError, RunError
+from advercity.output_files import (
+    MANIFEST_FILE,
+    PROTOCOL_FILE,
+    STAGING_FOLDER,
+    is_dataset_or_scenario,
+)
 
-MANIFEST_FILE = "manifest.json"
-PROTOCOL_FILE = "data_protocol.yaml"  # name that OPV2V has for it
 SPLITS_FILE = "splits.json"
 EXPORT_FILE = "export.json"
-STAGING_FOLDER = ".staging"
 MANIFEST_VERSION: Final = 5
 """Version of the manifest's fields that this code writes and reads."""
 
@@ -27,6 +31,7 @@ def find_scenarios(dataset: Path) -> list[Path]:
 
     Raises:
         InputError: The folder holds no scenario.
+        RunError: It, or a folder in it, which may be one, may not be read.
     """
     # `Path` has turned `//` into `/`; a single letter before the colon is a drive of Windows.
     if re.match(r"[a-z0-9+]{2,}:/", str(dataset)):
@@ -36,12 +41,21 @@ def find_scenarios(dataset: Path) -> list[Path]:
         )
     if dataset.name in ("", ".."):
         dataset = resolve_links(dataset)  # a scenario goes by the name of its folder
-    patterns = (MANIFEST_FILE, f"*/{MANIFEST_FILE}", f"*/*/{MANIFEST_FILE}")
-    for pattern in patterns:
-        found = sorted(path.parent for path in dataset.glob(pattern))
+    for pattern in (".", "*/", "*/*/"):
+        # `glob` passes over folders that it may not read, as if they were empty.
+        for folder in dataset.glob(pattern) if pattern != "." else (dataset,):
+            if folder.name != "lost+found":  # of every disk, and for its administrator only
+                check_is_readable(folder)
+        found = sorted(path.parent for path in dataset.glob(f"{pattern}/{MANIFEST_FILE}"))
         if found:
             return found
     raise _not_a_dataset_error(dataset, "in it or in its folders")
+
+
+def check_is_readable(folder: Path) -> None:
+    """Raise a RunError if a folder exists, and its files may not be listed or opened."""
+    if folder.is_dir() and not os.access(folder, os.R_OK | os.X_OK):
+        raise RunError(f"{folder}: cannot be read: {os.strerror(errno.EACCES)}")
 
 
 def find_scenarios_by_name(dataset: Path) -> dict[str, Path]:
@@ -109,28 +123,6 @@ def check_is_outside_datasets(output: Path) -> None:
             raise InputError(f"`output` {output}: is in a dataset; name a folder beside it")
 
 
-def check_is_outside_scenarios(output: Path) -> None:
-    """Check that a folder for a dataset is not in a scenario, nor among unfinished files.
-
-    Loaders of OPV2V would take the new dataset for an agent, or its files for frames.
-
-    Raises:
-        InputError: It is.
-    """
-    for path in (output.absolute(), resolve_links(output)):
-        for folder in (path, *path.parents):
-            if is_scenario(folder):
-                place, dataset = "in a scenario", folder.parent
-            elif folder.name == STAGING_FOLDER and is_dataset_or_scenario(folder.parent):
-                place, dataset = "among the unfinished files", folder.parent
-            else:
-                continue
-            raise InputError(
-                f"`output` {output}: is {place} of another dataset; name that dataset, {dataset},"
-                " or another folder"
-            )
-
-
 def check_is_outside_exports(output: Path, *, may_be_one: bool = False) -> None:
     """Check that a folder to be written is not in an export, whose files a manifest lists.
 
@@ -156,17 +148,6 @@ def _is_export(folder: Path) -> bool:
     except (InputError, OSError):
         return False
     return isinstance(document, dict) and "export_version" in document
-
-
-def is_scenario(folder: Path) -> bool:
-    """Return whether a folder is a scenario; programs of others have manifests of that name."""
-    return all((folder / name).is_file() for name in (MANIFEST_FILE, PROTOCOL_FILE))
-
-
-def is_dataset_or_scenario(folder: Path) -> bool:
-    """Return whether a folder is a scenario, or has one in it."""
-    found = (folder, *(path.parent for path in folder.glob(f"*/{MANIFEST_FILE}")))
-    return any(map(is_scenario, found))
 
 
 def _has_splits(folder: Path) -> bool:

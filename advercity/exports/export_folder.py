@@ -32,6 +32,7 @@ from advercity.dataset.scenario_folders import (
     STAGING_FOLDER,
     check_is_outside_datasets,
     check_is_outside_exports,
+    check_is_readable,
 )
 from advercity.dataset.verification import (
     FileProblem,
@@ -341,7 +342,8 @@ def _is_empty_file(path: Path) -> bool:
 
 
 def is_export(path: Path) -> bool:
-    """Return whether a folder is that of an export."""
+    """Return whether a folder is that of an export; RunError if it may not be read."""
+    check_is_readable(path)
     return (path / EXPORT_FILE).is_file()
 
 

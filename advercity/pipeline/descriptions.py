@@ -22,9 +22,9 @@ from advercity_dsl import (
 from advercity.compiler import LibraryEntry, compare_specs, load_library, read_spec
 from advercity.compiler.explain import ValueOrigin, flatten_values
 from advercity.compiler.source import format_value_path
-from advercity.dataset.scenario_folders import is_dataset_or_scenario
 from advercity.documents import suggest_path
 from advercity.errors import InputError
+from advercity.output_files import is_dataset_or_scenario
 from advercity.physics.extinction import (
     AirExtinction,
     compute_extinction,

@@ -13,9 +13,9 @@ from advercity.dataset.index import INDEX_FILE
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
     check_is_outside_exports,
-    check_is_outside_scenarios,
 )
 from advercity.errors import InputError, describe_cause
+from advercity.output_files import check_is_outside_scenarios
 
 MAX_LISTED = 100
 """So many files and folders show whether a folder is a library."""

@@ -1,5 +1,6 @@
 """Commands on datasets: what they refuse, write and print."""
 
+import errno
 import os
 import shutil
 from pathlib import Path
@@ -137,3 +138,80 @@ def test_commands_print_what_they_wrote(
     assert (code, out.strip()) == (0, str(videos / "ui_clear_night_dense_lidar.mp4"))
     code, out, err = advercity("repair", two_roads)
     assert (code, out, err) == (0, "", "every file is as its manifest says\n")
+
+
+@pytest.mark.parametrize("option", ["--train", "--validate", "--test"])
+@pytest.mark.parametrize("road", ["../../evil", "rnj", "rcnj,,ui"])
+def test_split_refuses_roads_that_are_none(
+    advercity: Command, tmp_path: Path, two_roads: Path, option: str, road: str
+) -> None:
+    output = tmp_path / "splits"
+    none = dict.fromkeys(("--train", "--validate", "--test"), "") | {option: road}
+    options = [word for pair in none.items() for word in pair]
+    code, out, err = advercity("split", two_roads, "--output", output, *options)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    wrong = "" if ",," in road else road
+    assert f"no scenario of {two_roads} is on a road '{wrong}'; its roads are rcnj, ui" in err
+    assert not output.exists()
+
+
+def test_split_takes_no_road_for_an_empty_split(
+    advercity: Command, tmp_path: Path, two_roads: Path
+) -> None:
+    options = ("--train", "ui, rcnj", "--validate", "", "--test", "")
+    code, out, _ = advercity("split", two_roads, "--output", tmp_path, *options)
+    assert code == 0
+    assert [line.rpartition(": ")[2] for line in out.splitlines()] == ["2", "0", "0"]
+
+
+def test_a_folder_that_may_not_be_read_is_not_left_out_in_silence(
+    advercity: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, two_roads: Path
+) -> None:
+    """As for another user; the one who runs the tests may read all."""
+    folder, may = two_roads / "ui_clear_night_dense", os.access
+
+    def may_unless_there(path: str | Path, mode: int) -> bool:
+        return path != folder and may(path, mode)
+
+    monkeypatch.setattr(os, "access", may_unless_there)
+    for arguments in (
+        ("verify", two_roads),
+        ("verify", folder),
+        ("split", two_roads, "--output", tmp_path),
+        ("view", folder),
+    ):
+        code, out, err = advercity(*arguments)
+        assert (code, out) == (1, "")
+        assert err == f"error: {folder}: cannot be read: Permission denied\n"
+
+
+@pytest.mark.parametrize(
+    "command", ["stats DATASET", "sheet DATASET/rcnj_fog_day_sparse", "new weather mine"]
+)
+def test_a_working_folder_that_is_gone_is_named_as_the_cause(
+    advercity: Command,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    two_roads: Path,
+    command: str,
+) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    code, _, err = advercity(*command.replace("DATASET", str(two_roads)).split())
+    assert code in (1, 2)
+    assert err.count("\n") == 1
+    assert "the working folder has been deleted; change to one that exists" in err
+
+
+def test_too_few_open_files_are_named_with_the_way_out(
+    advercity: Command, monkeypatch: pytest.MonkeyPatch, two_roads: Path, tmp_path: Path
+) -> None:
+    def refuse(path: Path, **_: object) -> bytes:
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), str(path))
+
+    monkeypatch.setattr("advercity.dataset.manifest.read_bytes", refuse)
+    code, _, err = advercity("split", two_roads, "--output", tmp_path)
+    assert (code, err.count("\n")) == (1, 1)
+    assert "manifest.json: cannot be read: Too many open files: allow more with `ulimit -n`" in err

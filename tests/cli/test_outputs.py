@@ -116,6 +116,36 @@ def test_a_command_puts_no_folder_of_another_kind_into_a_dataset(
     assert sorted(dataset.rglob("*")) == had
 
 
+@pytest.mark.parametrize("place", ["one", "one/101", "one/new"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "new weather mine --output PLACE",
+        "schema --output PLACE",
+        "show SPEC --map PLACE/plan.png",
+        "sheet DATASET/rcnj_fog_day_sparse --output PLACE/000001_sheet.png",
+        "stats DATASET --output PLACE",
+        "video DATASET --output PLACE --kind lidar",
+    ],
+)
+def test_a_command_puts_no_file_into_a_scenario(
+    advercity: Command, spec_file: Path, two_roads: Path, tmp_path: Path, command: str, place: str
+) -> None:
+    """Loaders of OPV2V would take it for one of an agent or of a frame."""
+    dataset = tmp_path / "data"
+    (dataset / "one" / "101").mkdir(parents=True)
+    for name in ("manifest.json", "data_protocol.yaml"):
+        (dataset / "one" / name).touch()
+    had = sorted(dataset.rglob("*"))
+    values = {"PLACE": dataset / place, "SPEC": spec_file, "DATASET": two_roads}
+    for name, value in values.items():
+        command = command.replace(name, str(value))
+    code, _, err = advercity(*command.split())
+    assert (code, err.count("\n")) == (2, 1)
+    assert f"is in a scenario of a dataset; write into that dataset, {dataset}, or into" in err
+    assert sorted(dataset.rglob("*")) == had
+
+
 @pytest.mark.parametrize("place", ["", "rcnj_fog_day_sparse"])
 def test_list_says_that_a_dataset_is_one(advercity: Command, two_roads: Path, place: str) -> None:
     code, _, err = advercity("list", two_roads / place)

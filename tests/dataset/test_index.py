@@ -1,10 +1,12 @@
 """The index of a set of scenarios."""
 
+import errno
 import json
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 from advercity_dsl import Spec
@@ -417,3 +419,21 @@ def test_an_index_that_is_a_link_is_refused_and_called_a_file(spec: Spec, tmp_pa
     with pytest.raises(RunError, match="put the file itself in place of the link"):
         IndexWriter(dataset, [spec])
     assert shared.read_bytes() == EMPTY_INDEX.to_json()
+
+
+def test_splits_that_cannot_be_made_leave_no_empty_folder(
+    two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As with a umask that takes all rights: the first folder is made, and none in it."""
+    make = Path.mkdir
+
+    def make_or_refuse(path: Path, *rest: Any, **more: Any) -> None:
+        if path.parent == tmp_path / "new":
+            make(path.parent)
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        make(path, *rest, **more)
+
+    monkeypatch.setattr(Path, "mkdir", make_or_refuse)
+    with pytest.raises(RunError, match="train: cannot be written: Permission denied"):
+        link_splits(two_roads, tmp_path / "new")
+    assert not list(tmp_path.iterdir())

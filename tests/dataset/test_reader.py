@@ -14,7 +14,7 @@ from advercity_dsl import Agent, Spec
 import advercity
 from advercity.dataset.reader import Dataset
 from advercity.dataset.writer import ScenarioWriter
-from advercity.errors import InputError
+from advercity.errors import InputError, RunError
 from advercity.geometry import poses
 from advercity.sensors.annotation import annotate_actors
 from advercity.sensors.measurements import PointCloud
@@ -229,7 +229,7 @@ def test_an_image_that_may_not_be_read_is_not_called_missing(
         raise PermissionError(errno.EACCES, "Permission denied", str(path))
 
     monkeypatch.setattr("advercity.dataset.agent_view.read_bytes", refuse)
-    with pytest.raises(InputError, match="cannot be read: Permission denied"):
+    with pytest.raises(RunError, match="cannot be read: Permission denied"):
         dataset[1]["cav2"].image(1)
 
 

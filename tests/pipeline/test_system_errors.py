@@ -35,7 +35,8 @@ def test_a_dataset_and_a_folder_of_other_things_are_places_for_one(
 
 @pytest.mark.parametrize("inside", ["", "+101", "new", "+101/new/deeper"])
 def test_a_scenario_is_no_place_for_another_dataset(two_roads: Path, inside: str) -> None:
-    with pytest.raises(InputError, match=rf"in a scenario .* name that dataset, {two_roads}, or"):
+    message = rf"in a scenario .* write into that dataset, {two_roads}, or"
+    with pytest.raises(InputError, match=message):
         check_output_folder(two_roads / "rcnj_fog_day_sparse" / inside)
 
 
