@@ -1,6 +1,5 @@
 """Curves over a swept number: ranges of sensors and average precisions."""
 
-import sys
 from pathlib import Path
 
 import cv2
@@ -12,11 +11,11 @@ from advercity_dsl.spec import SweepPoint
 from advercity.benchmark.degradation import compute_range_m, tabulate_degradation
 from advercity.benchmark.predictions import FramePredictions, write_predictions
 from advercity.benchmark.truth import load_frame_truth
-from advercity.cli import main
 from advercity.compiler import with_digest
 from advercity.dataset.reader import Dataset
 from advercity.errors import InputError
 from tests.builders import SensorFramesOf, write_scenario
+from tests.command_line import Command
 
 MOR_M = (20.0, 200.0, 1000.0)
 
@@ -44,10 +43,7 @@ def test_a_range_ends_where_less_than_half_is_detected() -> None:
 
 
 def test_a_curve_has_a_row_for_each_value_and_a_column_for_each_file_of_predictions(
-    swept: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    swept: Path, tmp_path: Path, advercity: Command
 ) -> None:
     found: dict[tuple[str, int], FramePredictions] = {}
     for frame in Dataset(swept):
@@ -58,12 +54,11 @@ def test_a_curve_has_a_row_for_each_value_and_a_column_for_each_file_of_predicti
                 boxes, np.ones(len(boxes))
             )
     write_predictions(tmp_path / "mine.jsonl", found)
-    arguments = ["benchmark", "degradation", swept, "--predictions", tmp_path / "mine.jsonl"]
-    arguments += ["--output", tmp_path / "curve"]
-    monkeypatch.setattr(sys, "argv", ["advercity", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert not ended.value.code, capsys.readouterr().err
+    ran = advercity(
+        *("benchmark", "degradation", swept, "--predictions", tmp_path / "mine.jsonl"),
+        *("--output", tmp_path / "curve"),
+    )
+    assert ran.code == 0, ran.err
     rows = (tmp_path / "curve" / "degradation.csv").read_text().splitlines()
     assert rows[0].split(",") == ["weather.fog.mor_m", "lidar_range_m", "ap_50 mine"]
     assert [float(row.split(",")[0]) for row in rows[1:]] == list(MOR_M)

@@ -19,13 +19,13 @@ from advercity.benchmark.detector.clouds import load_cloud, load_clouds
 from advercity.benchmark.detector.images import CAMERA_AREA, check_cameras, load_images
 from advercity.benchmark.detector.samples import make_sample, merge_clouds
 from advercity.benchmark.predictions import load_predictions
-from advercity.cli import main
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import Dataset
 from advercity.errors import InputError
 from advercity.geometry.poses import pose_matrix, transform_points
 from advercity.randomness import create_generator
 from advercity.semantics import Semantic
+from tests.command_line import Command, Ran
 
 HINT = "install the extra benchmark for PyTorch, in an environment of its own"
 AREA = (16.0, 8.0)
@@ -35,17 +35,6 @@ BOXES = np.array(
         [-7.6, -4.1, 1.4, 8.0, 2.5, 2.8, -1.2],
     ]
 )
-
-
-def run_command(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: object
-) -> tuple[int, str]:
-    """Run `advercity benchmark`; return its exit code and what it printed."""
-    monkeypatch.setattr(sys, "argv", ["advercity", "benchmark", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    printed = capsys.readouterr()
-    return int(ended.value.code or 0), printed.out + printed.err
 
 
 def test_a_target_has_its_peaks_at_the_middles_and_no_say_at_ignored_boxes() -> None:
@@ -192,64 +181,47 @@ def test_training_goes_on_after_a_kill_with_the_weights_of_a_run_without(
 
 
 def test_a_trained_detector_predicts_with_every_fusion(
-    two_roads: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    two_roads: Path, tmp_path: Path, advercity: Command
 ) -> None:
     pytest.importorskip("torch", reason=HINT)
     single, fused = tmp_path / "single.pt", tmp_path / "fused.pt"
 
-    def run(*arguments: object) -> None:
-        code, text = run_command(monkeypatch, capsys, *arguments)
-        assert code == 0, text
+    def run(*arguments: str | Path) -> None:
+        ran = advercity("benchmark", *arguments)
+        assert ran.code == 0, ran.err
 
-    small = ("--steps", 2, "--batch", 1, "--channels", 8, "--ideal-channel")
+    small = ("--steps", "2", "--batch", "1", "--channels", "8", "--ideal-channel")
     run("train", two_roads, "--output", single, *small)
-    run(
-        "train", two_roads, "--output", fused, "--fusion", "intermediate", "--start", single, *small
-    )
+    attention = ("--fusion", "intermediate", "--start", single)
+    run("train", two_roads, "--output", fused, *attention, *small)
+    some = ("--frames", "1:")
     for detector, fusion in ((single, "none"), (single, "late"), (single, "early"), (fused, None)):
         path = tmp_path / f"{fusion}.jsonl"
         chosen = () if fusion is None else ("--fusion", fusion)
-        run(
-            "predict",
-            detector,
-            two_roads,
-            "--output",
-            path,
-            "--frames",
-            "1:",
-            "--ideal-channel",
-            *chosen,
-        )
+        run("predict", detector, two_roads, "--output", path, "--ideal-channel", *some, *chosen)
         assert {frame for _, frame in load_predictions(path).frames} == {1, 2}
-        run("evaluate", path, two_roads, "--frames", "1:")
+        run("evaluate", path, two_roads, *some)
 
 
 def test_boxes_of_cameras_are_added_to_those_of_the_cloud_of_each_station(
-    two_roads: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    two_roads: Path, tmp_path: Path, advercity: Command
 ) -> None:
     pytest.importorskip("torch", reason=HINT)
     cloud, images = tmp_path / "cloud.pt", tmp_path / "images.pt"
 
-    def run(*arguments: object) -> tuple[int, str]:
-        code, text = run_command(monkeypatch, capsys, *arguments)
-        return code, " ".join(text.split())
+    def train(output: Path, *arguments: str) -> None:
+        small = ("--steps", "2", "--batch", "1", "--channels", "8")
+        ran = advercity("benchmark", "train", two_roads, "--output", output, *small, *arguments)
+        assert ran.code == 0, ran.err
 
-    small = ("--steps", 2, "--batch", 1, "--channels", 8)
-    assert run("train", two_roads, "--output", cloud, *small)[0] == 0
-    assert run("train", two_roads, "--output", images, "--sensor", "camera", *small)[0] == 0
-
-    def predict(name: str, *arguments: object) -> tuple[int, str]:
+    def predict(name: str, *arguments: str | Path) -> Ran:
         end = ("--output", tmp_path / name, "--frames", "1:2", "--ideal-channel")
-        return run("predict", *arguments, *end)
+        return advercity("benchmark", "predict", *arguments, *end)
 
-    assert predict("none", images, two_roads)[0] == 0
-    assert predict("late", cloud, two_roads, "--camera", images, "--fusion", "late")[0] == 0
+    train(cloud)
+    train(images, "--sensor", "camera")
+    assert predict("none", images, two_roads).code == 0
+    assert predict("late", cloud, two_roads, "--camera", images, "--fusion", "late").code == 0
     assert len(load_predictions(tmp_path / "late").frames) == 2
     for message, arguments in (
         ("sees images, which have no early fusion", (images, two_roads, "--fusion", "early")),
@@ -257,9 +229,9 @@ def test_boxes_of_cameras_are_added_to_those_of_the_cloud_of_each_station(
         ("and the first sees images", (images, two_roads, "--camera", images)),
         ("not early", (cloud, two_roads, "--camera", images, "--fusion", "early")),
     ):
-        code, text = predict("failed", *arguments)
-        assert code == 2
-        assert message in text
+        ran = predict("failed", *arguments)
+        assert ran.code == 2
+        assert message in " ".join(ran.err.split())
 
 
 def test_targets_are_read_back_as_the_boxes_that_they_are_of() -> None:
@@ -324,31 +296,23 @@ def test_a_station_s_features_arrive_where_the_ego_sees_its_place() -> None:
     ],
 )
 def test_what_cannot_be_used_is_named(
-    two_roads: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    arguments: tuple[str, ...],
-    message: str,
+    two_roads: Path, tmp_path: Path, advercity: Command, arguments: tuple[str, ...], message: str
 ) -> None:
     pytest.importorskip("torch", reason=HINT)
     junk = tmp_path / "junk.pt"
     junk.write_bytes(b"PK\x03\x04 no weights")
     filled = [item.format(data=two_roads, junk=junk) for item in arguments]
-    code, text = run_command(monkeypatch, capsys, *filled, "--output", tmp_path / "made.pt")
-    assert code == 2
-    assert message in " ".join(text.split())
+    ran = advercity("benchmark", *filled, "--output", tmp_path / "made.pt")
+    assert ran.code == 2
+    assert message in " ".join(ran.err.split())
 
 
 def test_without_pytorch_the_commands_say_what_to_install(
-    two_roads: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, advercity: Command
 ) -> None:
     for name in [name for name in sys.modules if name.startswith("advercity.benchmark.detector")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
-    code, text = run_command(monkeypatch, capsys, "train", two_roads, "--output", tmp_path / "a.pt")
-    assert code == 2
-    assert "pip install 'advercity[benchmark]'" in text
+    ran = advercity("benchmark", "train", two_roads, "--output", tmp_path / "a.pt")
+    assert ran.code == 2
+    assert "pip install 'advercity[benchmark]'" in ran.err

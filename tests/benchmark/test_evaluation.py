@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from advercity.benchmark.evaluation import EvaluationOptions, evaluate_predictions
 from advercity.benchmark.predictions import FramePredictions, load_predictions, write_predictions
 from advercity.benchmark.truth import load_frame_truth
-from advercity.cli import main
 from advercity.dataset.reader import Dataset, FrameView
 from advercity.errors import InputError
 from tests.benchmark.test_matching import average_precision_by_steps, overlap_by_opencv
 from tests.builders import TWO_ROADS_FRAMES
+from tests.command_line import Command
 
 Boxes = NDArray[np.float64]
 Row = dict[str, Any]
@@ -285,31 +285,20 @@ def test_predictions_are_read_as_they_were_written(tmp_path: Path) -> None:
 
 
 def test_the_command_prints_a_table_and_names_frames_without_a_line(
-    two_roads: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    two_roads: Path, tmp_path: Path, advercity: Command
 ) -> None:
     path, output = tmp_path / "predictions.jsonl", tmp_path / "results"
     predictions = predict(two_roads)
     predictions.pop((SCENES[0], 1))
     write_predictions(path, predictions)
 
-    def run(*options: str) -> tuple[str, str]:
-        command = ["benchmark", "evaluate", str(path), str(two_roads), *options]
-        monkeypatch.setattr("sys.argv", ["advercity", *command])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert ended.value.code == 0
-        printed = capsys.readouterr()
-        return printed.out, printed.err
-
-    out, err = run("--output", str(output))
-    assert "83.3 (66.7 to 100.0)" in out
-    assert "1 of 6 frames have no line" in err
+    command = ("benchmark", "evaluate", path, two_roads)
+    ran = advercity(*command, "--output", output)
+    assert ran.code == 0
+    assert "83.3 (66.7 to 100.0)" in ran.out
+    assert "1 of 6 frames have no line" in ran.err
     assert (output / "benchmark.csv").read_text().startswith("by,cell,objects,ap_30,")
-    out, _ = run("--json")
-    assert json.loads(out)[0]["ap_50"] == pytest.approx(5 / 6)
+    assert json.loads(advercity(*command, "--json").out)[0]["ap_50"] == pytest.approx(5 / 6)
 
 
 def test_the_page_writes_predictions_that_score_1(
