@@ -277,6 +277,7 @@ MATERIALS: dict[str, Material] = {
     ),
     "rubber": Material((0.025, 0.025, 0.025), 0.04, RUBBER_77GHZ, RUBBER_LWIR),
     "black_plastic": Material((0.04, 0.04, 0.04), 0.06, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.5),
+    "plastic_orange": Material((0.70, 0.15, 0.02), 0.60, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.6),
     "car_paint_white": _car_paint((0.78, 0.78, 0.77), 0.75),
     "car_paint_silver": _car_paint((0.48, 0.49, 0.50), 0.50, metallic=0.3),
     "car_paint_grey": _car_paint((0.12, 0.125, 0.13), 0.30, metallic=0.2),

@@ -88,6 +88,24 @@ def build_bicycle(blueprint_id: str, size: Size) -> Body:
     return build_rigged_body(limbs, Gait(cycle_m, transforms, returns_to_rest=False), size)
 
 
+def build_parked_bicycle(size: Size, paint: str) -> list[MeshPart]:
+    """Build a bicycle without a rider or lamps, x forward, upright; `size` is that with its rider.
+
+    It has few materials, since a world has a mesh for each.
+    """
+    materials = {
+        ACTOR_PAINT: paint,
+        "black_plastic": "rubber",
+        "rubber": "rubber",
+        "metal": "metal",
+    }
+    return [
+        MeshPart(surface, materials[material], Semantic.VEHICLE)
+        for surface, _, material in _BicycleGeometry(size).generate_surfaces()
+        if material in materials
+    ]
+
+
 @dataclass(frozen=True)
 class _BicycleGeometry:
     """Measures of a bicycle of a size, in metres in its body frame."""

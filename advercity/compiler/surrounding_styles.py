@@ -54,6 +54,7 @@ STYLES = {
             bicycle_stand=1,
             planter=2,
             hoarding=0.8,
+            works=0.4,
         ),
     ),
     "residential": _Style(

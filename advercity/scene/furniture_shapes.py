@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from advercity.assets.lettering import WritingPlane, write_text
-from advercity.geometry.mesh import TriangleSurface, join_surfaces, repeat_surface
+from advercity.assets.two_wheelers import build_parked_bicycle
+from advercity.geometry.mesh import TriangleSurface, join_surfaces, move_surface, repeat_surface
 from advercity.geometry.primitives import box, ellipsoid, loft_rings, rectangles, tube
 from advercity.scene.foliage import build_foliage
 from advercity.semantics import Semantic
@@ -15,6 +17,16 @@ Parts = list[tuple[TriangleSurface, str, Semantic]]
 """Surfaces with their material and class."""
 
 _STATIC, _POLE = Semantic.STATIC, Semantic.POLE
+_BICYCLE_SIZES_M = (1.84, 0.66, 1.78), (1.66, 0.58, 1.62)
+"""Sizes with a rider, as bodies of bicycles are declared: a city bicycle and a sporty one."""
+_BICYCLE_PAINTS = ("car_paint_black", "car_paint_blue", "car_paint_red")
+STAND_OCCUPANCY = 0.6
+"""Fraction of the hoops of a stand with a bicycle; an assumption."""
+_HOOPS_Y_M = np.linspace(-1.6, 1.6, 5)
+_LEAN_M = 0.12
+"""Distance of a bicycle from the hoop that it is locked to."""
+_BOARD_M, _FIELD_M, _BOARD_HALF_M = 0.25, 0.5, 0.012
+"""Height of the boards of a barrier, length of their red and white fields, half their thickness."""
 _WORDS = ("CAFE", "BIG SALE", "COFFEE", "SHOES", "JUICE", "CHEESE", "GOLF", "OFFICES")
 
 
@@ -93,11 +105,88 @@ def _build_cabinet(draw: np.random.Generator) -> Parts:
     ]
 
 
-def _build_bicycle_stand(_: np.random.Generator) -> Parts:
+def _build_bicycle_stand(draw: np.random.Generator) -> Parts:
     bend = [(-0.35, 0, -0.2), (-0.35, 0, 0.7), (-0.25, 0, 0.8)]
     hoop = tube([*bend, *((-x, y, z) for x, y, z in bend[::-1])], 0.025, sides=5)
-    places = [(0.0, y, 0.0) for y in np.linspace(-1.6, 1.6, 5)]
-    return [(repeat_surface(hoop, places), "metal", _STATIC)]
+    hoops = repeat_surface(hoop, [(0.0, y, 0.0) for y in _HOOPS_Y_M])
+    taken = _HOOPS_Y_M[draw.random(len(_HOOPS_Y_M)) < STAND_OCCUPANCY]
+    bicycles = [part for y in taken for part in _park_bicycle(float(y), draw)]
+    return [(hoops, "metal", _STATIC), *bicycles]
+
+
+def _park_bicycle(hoop_y_m: float, draw: np.random.Generator) -> Parts:
+    """Build a bicycle at a hoop, nose to the street or away from it."""
+    size_m = _BICYCLE_SIZES_M[int(draw.integers(len(_BICYCLE_SIZES_M)))]
+    paint = str(draw.choice(_BICYCLE_PAINTS))
+    place = np.array([draw.uniform(-0.08, 0.08), hoop_y_m + _LEAN_M, 0.015])
+    yaw = draw.choice((0.0, np.pi)) + draw.uniform(-0.06, 0.06)
+    return [
+        (move_surface(part.surface, place, yaw=yaw), part.material, part.semantic)
+        for part in build_parked_bicycle(size_m, paint)
+    ]
+
+
+def _build_works(draw: np.random.Generator) -> Parts:
+    """Build an open trench with its earth, a barrier around it and cones before its corners."""
+    trench = box((-0.3, -1.5, -0.2), (0.2, 0.4, 0.03))
+    heap = ellipsoid((-0.05, 1.0, 0.0), (0.38, 0.6, draw.uniform(0.28, 0.42)), sides=12, bands=6)
+    sides = [
+        ((0.42, -1.75), (0.42, 1.75)),
+        ((-0.48, -1.75), (-0.48, 1.75)),
+        ((-0.48, -1.75), (0.42, -1.75)),
+        ((-0.48, 1.75), (0.42, 1.75)),
+    ]
+    red, white, feet = (
+        join_surfaces(surfaces)
+        for surfaces in zip(*(_build_barrier(*side) for side in sides), strict=True)
+    )
+    cones = [(0.55, y, 0.015) for y in (-2.15, -0.7, 0.7, 2.15)]
+    return [
+        (join_surfaces([trench, heap]), "soil", Semantic.TERRAIN),
+        (red, "sign_red", Semantic.DYNAMIC),
+        (white, "sign_white", Semantic.DYNAMIC),
+        (feet, "black_plastic", Semantic.DYNAMIC),
+        *((repeat_surface(part, cones), name, Semantic.DYNAMIC) for part, name in _build_cone()),
+    ]
+
+
+def _build_barrier(
+    start: tuple[float, float], end: tuple[float, float]
+) -> tuple[TriangleSurface, TriangleSurface, TriangleSurface]:
+    """Build the red and the white fields of a board between two points, and its feet."""
+    length_m = float(np.hypot(*np.subtract(end, start)))
+    # An odd number of fields, so that both ends are red.
+    count = 2 * round(length_m / _FIELD_M / 2) + 1
+    places = np.linspace(start, end, count + 1)
+    along = np.subtract(end, start) / length_m
+    half = _BOARD_HALF_M * np.abs(along[::-1])
+    fields = [
+        box((*(np.minimum(a, b) - half), 0.78), (*(np.maximum(a, b) + half), 0.78 + _BOARD_M))
+        for a, b in pairwise(places)
+    ]
+    feet = [
+        surface
+        for x, y in (places[0], places[-1])
+        for surface in (
+            box((x - 0.13, y - 0.13, 0.0), (x + 0.13, y + 0.13, 0.1)),
+            box((x - 0.02, y - 0.02, 0.1), (x + 0.02, y + 0.02, 0.8 + _BOARD_M)),
+        )
+    ]
+    return join_surfaces(fields[::2]), join_surfaces(fields[1::2]), join_surfaces(feet)
+
+
+def _build_cone() -> list[tuple[TriangleSurface, str]]:
+    """Build a cone of 0.75 m with two reflecting bands."""
+    heights = np.array([0.03, 0.30, 0.42, 0.54, 0.62, 0.75])
+    radii = 0.15 - 0.16 * heights
+    pieces = [
+        tube([(0, 0, z) for z in heights[i : i + 2]], radii[i : i + 2], sides=12) for i in range(5)
+    ]
+    foot = box((-0.18, -0.18, 0.0), (0.18, 0.18, 0.035))
+    return [
+        (join_surfaces([foot, *pieces[::2]]), "plastic_orange"),
+        (join_surfaces(pieces[1::2]), "sign_white"),
+    ]
 
 
 def _build_planter(draw: np.random.Generator) -> Parts:
@@ -137,9 +226,10 @@ SHAPES: dict[str, FurnitureShape] = {
     "post_box": FurnitureShape(_build_post_box, (0.23, 0.28), blocks_sight=True),
     "hydrant": FurnitureShape(_build_hydrant, (0.17, 0.18)),
     "cabinet": FurnitureShape(_build_cabinet, (0.17, 0.75), blocks_sight=True),
-    "bicycle_stand": FurnitureShape(_build_bicycle_stand, (0.38, 1.65)),
+    "bicycle_stand": FurnitureShape(_build_bicycle_stand, (1.05, 2.1)),
     "planter": FurnitureShape(_build_planter, (0.52, 0.52), blocks_sight=True),
     "hoarding": FurnitureShape(_build_hoarding, (0.12, 1.35), blocks_sight=True),
+    "works": FurnitureShape(_build_works, (0.75, 2.35), blocks_sight=True),
 }
 """Shapes by the name of their density in a declaration."""
 

@@ -69,7 +69,7 @@ def test_lamps_alternate_between_the_sides_of_a_street_and_keep_off_its_ends(
             {"buildings": ((4, 6), None), "paving": ((0, 5), None), "trees": ((2.2, 2.6), 16)},
             {
                 **{"bench": 2, "bin": 3, "post_box": 0.6, "hydrant": 1, "cabinet": 1.2},
-                **{"bicycle_stand": 1, "planter": 2, "hoarding": 0.8},
+                **{"bicycle_stand": 1, "planter": 2, "hoarding": 0.8, "works": 0.4},
             },
         ),
         (

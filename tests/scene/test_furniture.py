@@ -118,8 +118,47 @@ def test_what_hides_pedestrians_keeps_off_the_ends_of_streets():
     assert np.abs(low[:, 0]).max() > 95
 
 
+def test_bicycles_stand_upright_at_the_hoops_of_their_stand():
+    meshes = build(street(beside("furniture", per_100_m={"bicycle_stand": 3})))
+    bicycles = points(meshes, Semantic.VEHICLE)
+    tyres = next(mesh.vertices for mesh in meshes if mesh.name.endswith("vehicle_rubber"))
+    hoops = points(meshes, Semantic.STATIC)
+    assert tyres[:, 2].min() == pytest.approx(0.015, abs=0.01)
+    assert 0.9 < bicycles[:, 2].max() < 1.2
+    assert bicycles[:, 1].min() > 5.5 + 0.2
+    assert shapely.distance(shapely.MultiPoint(hoops[:, :2]), shapely.points(bicycles)).max() < 0.9
+    # Three in five hoops of six stands.
+    frames = points([mesh for mesh in meshes if "vehicle_car_paint" in mesh.name], Semantic.VEHICLE)
+    assert 12 <= count_bicycles(frames) <= 24
+
+
+def count_bicycles(frames: np.ndarray) -> int:
+    """Count frames, which are narrower than the gap between hoops."""
+    return len(shapely.get_parts(shapely.MultiPoint(frames[:, :2]).buffer(0.2)))
+
+
+def test_works_are_behind_a_barrier_with_reflecting_cones_before_it():
+    meshes = build(street(beside("furniture", per_100_m={"works": 1})))
+    cones, boards = (
+        next(mesh.vertices for mesh in meshes if mesh.name.endswith(name))
+        for name in ("dynamic_plastic_orange", "dynamic_sign_red")
+    )
+    trench = next(mesh.vertices for mesh in meshes if mesh.material == "soil")
+    assert count_pieces(cones) == 8
+    assert cones[:, 2].max() == pytest.approx(0.765, abs=0.01)
+    assert boards[:, 2].max() == pytest.approx(1.03, abs=0.01)
+    assert boards[:, 1].min() < trench[:, 1].min() < trench[:, 1].max() < boards[:, 1].max()
+    assert cones[:, 1].min() > 5.5 + 0.2
+
+
 def test_the_same_furniture_has_the_same_bytes():
-    road = street(beside("furniture", "both", per_100_m={"bench": 2, "planter": 2, "hoarding": 1}))
+    road = street(
+        beside(
+            "furniture",
+            "both",
+            per_100_m={"bench": 2, "planter": 2, "bicycle_stand": 1, "works": 1},
+        )
+    )
     for first, second in zip(build(road), build(road), strict=True):
         assert first.vertices.tobytes() == second.vertices.tobytes()
 
@@ -170,7 +209,7 @@ def test_a_declaration_without_sense_is_refused(item: dict[str, object], message
 def find_fixed(road: Road) -> np.ndarray:
     """Low points (n, 3) of all fixed things but fields and plants."""
     fixed = (Semantic.STATIC, Semantic.POLE, Semantic.GUARD_RAIL, Semantic.TRAFFIC_SIGN)
-    corners = points(build(road), *fixed)
+    corners = points(build(road), *fixed, Semantic.DYNAMIC, Semantic.VEHICLE)
     return corners[corners[:, 2] < 2.2]
 
 

@@ -123,11 +123,13 @@ class FurnitureDensity(CompactModel):
     cabinet: Density = 0
     """Cabinets of telephone and power networks."""
     bicycle_stand: Density = 0
-    """Stands for bicycles, five hoops each."""
+    """Stands for bicycles, five hoops each; bicycles are at three in five of them."""
     planter: Density = 0
     """Tubs with a shrub."""
     hoarding: Density = 0
     """Boards with advertisements, 2.7 m wide, on two posts."""
+    works: Density = 0
+    """Works in the ground, 5 m long, between barriers and cones."""
 
 
 MAX_AREA_M2 = 1e6
