@@ -3,27 +3,35 @@
 import logging
 import signal
 import sys
+from contextlib import suppress
 from io import TextIOWrapper
 from types import FrameType
 
 from advercity.cli.app import app
-from advercity.cli.output import StderrHandler, exit_with_error
+from advercity.cli.output import EndedBySignal, StderrHandler, exit_with_error
 from advercity.errors import InputError, RunError, explain_system_error
 
 
 def main() -> None:
     """Run the command line; 0 done, 1 failed while running, 2 bad input, 130 interrupted.
 
-    An interrupt is reported by `RootGroup`, since typer ends the process without a word.
+    An interrupt is reported by `RootGroup`, since typer ends the process without a word. Signals
+    that ask the process to end have the exit codes that shells give them, such as 143 for SIGTERM.
     """
-    # SIGTERM unwinds the stack like an exception, so that child processes and partial files go.
-    signal.signal(signal.SIGTERM, _exit_on_signal)
+    # They unwind the stack like an exception, so that child processes and partial files go.
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) != signal.SIG_IGN:  # as `nohup` leaves SIGHUP
+            signal.signal(number, _end_by_signal)
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # names that the encoding lacks
     notices = StderrHandler()
     logging.getLogger("advercity").addHandler(notices)
     try:
         app()
+    except EndedBySignal as ended:
+        with suppress(OSError):  # of SIGHUP the terminal is gone
+            exit_with_error(RunError(str(ended)), exit_code=128 + ended.number)
+        sys.exit(128 + ended.number)
     except InputError as error:
         exit_with_error(error, exit_code=2)
     except RunError as error:
@@ -38,8 +46,14 @@ def main() -> None:
         logging.getLogger("advercity").removeHandler(notices)
 
 
-def _exit_on_signal(number: int, frame: FrameType | None) -> None:
-    sys.exit(128 + number)
+def _end_by_signal(number: int, frame: FrameType | None) -> None:
+    # What is being closed is not to be interrupted by a second one.
+    signal.signal(number, _ignore_signal)
+    raise EndedBySignal(number)
+
+
+def _ignore_signal(number: int, frame: FrameType | None) -> None:
+    """Do nothing; unlike `SIG_IGN`, child processes that start meanwhile do not inherit it."""
 
 
 __all__ = ["app", "main"]

@@ -265,7 +265,10 @@ def split(
     validate: Annotated[str, typer.Option(help="Roads of this split.")] = "rcnj",
     test: Annotated[str, typer.Option(help="Roads of this split.")] = "ui",
 ) -> None:
-    """Link scenarios into train, validate and test by their roads, separated by commas."""
+    """Link scenarios into train, validate and test by their roads.
+
+    Roads of a split are separated by commas.
+    """
     from advercity.dataset.index import link_splits as link
 
     roads = {"train": train, "validate": validate, "test": test}

@@ -2,6 +2,7 @@
 
 import logging
 import re
+import signal
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -13,6 +14,15 @@ from advercity.errors import escape_control_characters
 
 stderr_console = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 _status = stderr_console.status("")
+
+
+class EndedBySignal(SystemExit):
+    """A signal asks the process to end; no handler of errors takes it for one of its own."""
+
+    def __init__(self, number: int, *remarks: str) -> None:
+        """Keep the signal's number, and remarks on what is kept."""
+        super().__init__("; ".join([f"ended by {signal.Signals(number).name}", *remarks]))
+        self.number = number
 
 
 @contextmanager

@@ -24,7 +24,7 @@ from advercity.cli.arguments import (
     WeatherLibraryOption,
     parse_frame_slice,
 )
-from advercity.cli.output import print_data, print_remark
+from advercity.cli.output import EndedBySignal, print_data, print_remark
 from advercity.errors import InputError, RunError
 
 if TYPE_CHECKING:
@@ -177,13 +177,15 @@ def _keep_serving(scenario: Path, viewer: "ViewerTarget") -> None:
 
 @contextmanager
 def _describe_interrupt(output: str, *, fresh: bool) -> Generator[None]:
-    """Add to an interrupt what is kept and how to go on."""
+    """Add to an interrupt, or another signal to end, what is kept and how to go on."""
+    again = "the same command without --fresh" if fresh else "the same command"
+    text = f"finished frames are kept in {output}, and {again} makes the others"
     try:
         yield
     except KeyboardInterrupt:
-        again = "the same command without --fresh" if fresh else "the same command"
-        text = f"finished frames are kept in {output}, and {again} makes the others"
         raise KeyboardInterrupt(text) from None
+    except EndedBySignal as ended:
+        raise EndedBySignal(ended.number, text) from None
 
 
 @commands.command()

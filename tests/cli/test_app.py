@@ -1,6 +1,7 @@
 import os
 import pty
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -334,3 +335,40 @@ def test_doctor_names_the_backend_that_is_missing(
     monkeypatch.setattr(doctor, "list_backend_names", list[str])
     (line,) = [line for line in advercity("doctor").out.splitlines() if "backend mitsuba" in line]
     assert "`make setup MITSUBA=1`" in line
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_end_is_named_and_leaves_no_partial_file(
+    advercity: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, number: signal.Signals
+) -> None:
+    def be_ended(kind: str) -> str:
+        assert list((tmp_path / "made").glob(".partial-*"))
+        os.kill(os.getpid(), number)
+        return kind
+
+    before = {one: signal.getsignal(one) for one in (signal.SIGTERM, signal.SIGHUP)}
+    monkeypatch.setattr("advercity.compiler.schema.format_schema", be_ended)
+    try:
+        code, _, err = advercity("schema", "--output", tmp_path / "made")
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)
+    assert (code, err) == (128 + number, f"error: ended by {number.name}\n")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_hangup_that_nohup_ignores_stays_ignored(
+    advercity: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    monkeypatch.setattr("advercity.compiler.schema.format_schema", hang_up)
+    try:
+        code, _, _ = advercity("schema", "--output", tmp_path / "made")
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert code == 0
+
+
+def hang_up(kind: str) -> str:
+    os.kill(os.getpid(), signal.SIGHUP)
+    return kind
