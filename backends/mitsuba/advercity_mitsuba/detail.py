@@ -19,7 +19,7 @@ from advercity_mitsuba.weathering import WeatherTables, compute_wear
 MAPPED_M = 0.3
 LEVEL_SLOPE = 0.3
 """Sine of the slope up to which a surface counts as level."""
-MAX_OCTAVES = 8
+MAX_OCTAVES = 9
 OCTAVE_COLUMNS = 8
 """Numbers of an octave: contrast of tone and of hue, wavelength, salt; stretch of the three axes,
 and whether it lies along the surface (1) or the world (0)."""
@@ -78,7 +78,8 @@ OCTAVES: dict[Texture, tuple[_Octave, ...]] = {
         _Octave(7.7, 7, 0.14),
         _Octave(0.8, 8, hue=0.14),
         _Octave(3.1, 5, hue=0.16),
-        _Octave(31.0, 6, hue=0.20),
+        _Octave(11.0, 9, hue=0.18),
+        _Octave(31.0, 6, hue=0.26),
     ),
     Texture.SOIL: (
         _Octave(0.06, 1, 0.35),
@@ -221,12 +222,12 @@ def _cracks(q: Any, footprint: Any) -> Any:
 
 
 def _worn_paint(q: Any, footprint: Any) -> Any:
-    """Evaluate chips of paint that came off: 1 where asphalt shows, less the mean."""
-    mean = 0.145
+    """Evaluate how far paint is worn: 1 where asphalt shows, less the mean."""
+    mean = 0.148
     kept = retained_contrast(0.12, footprint)
-    off = 0.45 * value_noise(q / 0.07, 86) + 0.35 * value_noise(q / 0.02, 87)
-    off += 0.55 * value_noise(q / 1.3, 88)
-    return kept * (dr.clip((off - 0.3) / 0.12, 0.0, 1.0) - mean)
+    off = 0.25 * value_noise(q / 0.07, 86) + 0.5 * value_noise(q / 0.02, 87)
+    off += 0.6 * value_noise(q / 1.3, 88)
+    return kept * (dr.clip((off - 0.05) / 0.8, 0.0, 1.0) - mean)
 
 
 def _slab_tones(kind: Any, uv: Any, n: Any, fine: Any, footprint: Any) -> Any:

@@ -80,13 +80,14 @@ float cracks(vec2 p, float footprint) {
   return fraction * allowed * clamp((0.012 - away) / soft + 0.5, 0.0, 1.0);
 }
 
-// Chips of paint that came off, more of them in some places: 1 where asphalt shows, less the mean.
+// Worn paint, more of it in some places: 1 where asphalt shows, less the mean. Paint goes first from
+// the tops of the aggregate's stones, so its edges are as ragged as these are large.
 float wornPaint(vec2 p, float footprint) {
-  const float MEAN = 0.145;
+  const float MEAN = 0.148;
   float fraction = retainedContrast(0.12, footprint);
   if (fraction <= 0.0) return 0.0;
-  float off = 0.45 * noise(p / 0.07, 86) + 0.35 * noise(p / 0.02, 87) + 0.55 * noise(p / 1.3, 88);
-  return fraction * (clamp((off - 0.3) / 0.12, 0.0, 1.0) - MEAN);
+  float off = 0.25 * noise(p / 0.07, 86) + 0.5 * noise(p / 0.02, 87) + 0.6 * noise(p / 1.3, 88);
+  return fraction * (clamp((off - 0.05) / 0.8, 0.0, 1.0) - MEAN);
 }
 
 // Wear of a carriageway: polished by tyres (up to 1) or stained between them (down to -1).
@@ -121,7 +122,7 @@ vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
     float tone = 0.45 * octave(q, 0.035, f, 1) + 0.30 * octave(q, 0.16, f, 2)
         + 0.22 * octave(q, 0.55, f, 3) + 0.18 * octave(q, 1.9, f, 4) + 0.14 * octave(q, 7.7, f, 7);
     float hue = 0.14 * octave(q, 0.8, f, 8) + 0.16 * octave(q, 3.1, f, 5)
-        + 0.20 * octave(q, 31.0, f, 6);
+        + 0.18 * octave(q, 11.0, f, 9) + 0.26 * octave(q, 31.0, f, 6);
     return tint(tone, hue);
   }
   if (kind == TEXTURE_SOIL) {
