@@ -170,7 +170,7 @@ def read_pcd(path: Path, point: np.dtype[np.void] = PCD_POINT) -> NDArray[np.voi
             return _decompress(body, count, kind)
         if encoding != b"binary":
             raise ValueError(f"its data are {encoding[:20]!r}")
-    except (KeyError, ValueError) as error:
+    except (LookupError, TypeError, ValueError) as error:
         raise InputError(f"{path}: not a binary point cloud: {error}") from error
     if len(body) != count * kind.itemsize:
         raise InputError(
@@ -180,7 +180,10 @@ def read_pcd(path: Path, point: np.dtype[np.void] = PCD_POINT) -> NDArray[np.voi
 
 
 def _parse_pcd_header(header: str) -> tuple[int, np.dtype[np.void]]:
-    """Parse the number of points and their fields; KeyError or ValueError if it is no header."""
+    """Parse the number of points and their fields.
+
+    LookupError, TypeError or ValueError if it is no header.
+    """
     entries = {key: values for key, *values in map(str.split, header.splitlines())}
     letters = {"F": "f", "I": "i", "U": "u"}
     kinds = [

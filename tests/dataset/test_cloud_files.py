@@ -56,6 +56,10 @@ def test_the_same_cloud_gives_the_same_bytes(sensor_frames_of: SensorFramesOf) -
         b"FIELDS x y\nSIZE 4 4\nTYPE F F F\nPOINTS 0\nDATA binary\n",
         b"FIELDS x y z\nSIZE 4 4\nTYPE F F\nPOINTS 0\nDATA binary\n",
         b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 0\nDATA binary\n",
+        b"FIELDS x y z\nSIZE 4 <<: 4\nTYPE F F F\nPOINTS 0\nDATA binary\n",
+        b"FIELDS x y z\nSIZE 4 4, 4\nTYPE F F F\nPOINTS 0\nDATA binary\n",
+        b"FIELDS x y z\nSIZE 4 3 4\nTYPE F F F\nPOINTS 0\nDATA binary\n",
+        b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS\nDATA binary\n",
     ],
 )
 def test_another_file_is_refused_as_a_cloud(tmp_path: Path, content: bytes) -> None:
