@@ -234,6 +234,22 @@ def test_boxes_of_cameras_are_added_to_those_of_the_cloud_of_each_station(
         assert message in " ".join(ran.err.split())
 
 
+def test_training_starts_from_no_detector_of_another_kind(
+    two_roads: Path, tmp_path: Path, advercity: Command
+) -> None:
+    pytest.importorskip("torch", reason=HINT)
+    first = tmp_path / "first.pt"
+    train = ("benchmark", "train", two_roads, "--steps", "1", "--batch", "1")
+    assert advercity(*train, "--output", first, "--channels", "8").code == 0
+    for message, arguments in (
+        ("was trained with --channels 8, not 16", ("--channels", "16")),
+        ("was trained with --sensor lidar, not camera", ("--channels", "8", "--sensor", "camera")),
+    ):
+        ran = advercity(*train, "--start", first, "--output", tmp_path / "second.pt", *arguments)
+        assert ran.code == 2
+        assert message in " ".join(ran.err.split())
+
+
 def test_targets_are_read_back_as_the_boxes_that_they_are_of() -> None:
     torch = pytest.importorskip("torch", reason=HINT)
     from advercity.benchmark.detector.prediction import read_boxes

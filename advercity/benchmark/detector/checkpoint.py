@@ -143,17 +143,19 @@ def restore(network: Any, optimizer: Any, checkpoint: Checkpoint, path: Path) ->
     optimizer.load_state_dict(checkpoint.optimizer)
 
 
-def start_from(network: Any, path: Path) -> None:
-    """Take all weights that a finished detector has."""
-    started, _ = load_detector(path)
+def start_from(network: Any, record: TrainingRecord, path: Path) -> None:
+    """Take the weights of a finished detector, of which a record's may have more parts.
+
+    Raises:
+        InputError: It sees something else, or its feature maps have another width.
+    """
+    started, before = load_detector(path)
+    for name in ("sensor", "channels"):
+        found, wanted = getattr(before, name), getattr(record, name)
+        if found != wanted:
+            raise InputError(f"{path}: was trained with --{name} {found}, not {wanted}")
     known = network.state_dict()
-    taken = {
-        name: value
-        for name, value in started.state_dict().items()
-        if name in known and known[name].shape == value.shape
-    }
-    if not any(name.startswith("encoder.blocks.0") for name in taken):
-        raise InputError(f"{path}: has another number of channels; give --channels as it was")
+    taken = {name: value for name, value in started.state_dict().items() if name in known}
     network.load_state_dict(taken, strict=False)
 
 

@@ -84,7 +84,7 @@ def train_detector(
     )
     network = build_detector(record)
     if start is not None:
-        start_from(network, start)
+        start_from(network, record, start)
     network.to(place)
     optimizer = torch.optim.AdamW(
         _select_learned(network, record, start), weight_decay=WEIGHT_DECAY
