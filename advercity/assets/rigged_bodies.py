@@ -7,7 +7,7 @@ import numpy as np
 
 from advercity.assets.skeleton import BONE_SIDES
 from advercity.assets.soft_shapes import SoftShape
-from advercity.geometry.arrays import Float32Array, Float64Array
+from advercity.geometry.arrays import Float32Array, Float64Array, IndexArray
 from advercity.geometry.mesh import Mesh, Size, TriangleSurface, join_surfaces, shade_smooth
 from advercity.semantics import Semantic
 from advercity.world import Body, Gait
@@ -15,6 +15,8 @@ from advercity.world import Body, Gait
 POSES_PER_CYCLE = 16
 """Poses of a gait; between two of them the whole body is shifted, so that feet do not slide."""
 _FIT_ITERATIONS = 4
+_ROUNDING_M = 1e-4
+"""More than places of points differ by rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +129,8 @@ def compute_extent(body: Body) -> tuple[Float64Array, Float64Array]:
         all_weights = [part.weights for part in body.parts if part.weights is not None]
         weights = np.concatenate([w[u] for w, u in zip(all_weights, used, strict=True)])
         poses = body.gait.bone_transforms
+        outermost = _find_outermost_points(weights, poses, points)
+        weights, points = weights[outermost], points[outermost]
         shift_m = body.gait.cycle_length_m / len(poses) / 2 if body.gait.returns_to_rest else 0.0
         shift = np.array([shift_m, 0.0, 0.0])
         for transforms in poses:
@@ -135,6 +139,22 @@ def compute_extent(body: Body) -> tuple[Float64Array, Float64Array]:
             corners.append((axes.min(axis=1) - shift, axes.max(axis=1) + shift))
     low, high = np.array(corners, dtype=np.float64).swapaxes(0, 1)
     return low.min(axis=0), high.max(axis=0)
+
+
+def _find_outermost_points(
+    weights: Float32Array, poses: Float32Array, points: Float32Array
+) -> IndexArray:
+    """Find the rows of the points (n, 3) that may be the farthest along an axis in some pose.
+
+    A product of matrices is fast, but rounds in another way on every kind of processor: it finds
+    the few points whose places are then computed.
+    """
+    weighted = weights[:, :, None] * np.pad(points, ((0, 0), (0, 1)), constant_values=1.0)[:, None]
+    coordinates = poses.transpose(1, 3, 0, 2).reshape(weighted[0].size, -1)
+    moved = weighted.reshape(len(points), -1) @ coordinates
+    is_low = moved <= moved.min(axis=0) + _ROUNDING_M
+    is_high = moved >= moved.max(axis=0) - _ROUNDING_M
+    return np.flatnonzero((is_low | is_high).any(axis=1))
 
 
 def scale_body(body: Body, factor: Float64Array, offset: Float64Array) -> Body:
