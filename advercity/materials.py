@@ -380,4 +380,23 @@ MATERIALS: dict[str, Material] = {
     "inner_leaves": Material(
         (0.025, 0.05, 0.014), 0.40, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.CROWN
     ),
+    # Plants in autumn and winter: without chlorophyll as bright at 905 nm, dry ones less.
+    "leaves_yellow": Material(
+        (0.42, 0.27, 0.03), 0.45, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES
+    ),
+    "leaves_red": Material(
+        (0.26, 0.06, 0.015), 0.45, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES
+    ),
+    "leaves_brown": Material(
+        (0.17, 0.085, 0.03), 0.40, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES
+    ),
+    "inner_leaves_brown": Material(
+        (0.06, 0.042, 0.022), 0.35, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.CROWN
+    ),
+    "grass_dull": Material(
+        (0.135, 0.125, 0.06), 0.35, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.GRASS, maps="grass"
+    ),
+    "grass_blades_dull": Material(
+        (0.16, 0.14, 0.07), 0.35, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES
+    ),
 }

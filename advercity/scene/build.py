@@ -6,6 +6,7 @@ from advercity_dsl import Spec
 
 from advercity.geometry.mesh import build_meshes
 from advercity.roads.road_network import build_road
+from advercity.scene.seasons import apply_season
 from advercity.scene.street_furniture import build_street_furniture
 from advercity.scene.surroundings import build_surroundings
 from advercity.scene.terrain import GroundModel, build_ground, build_skirt, find_plateaus
@@ -24,15 +25,14 @@ def build_world(spec: Spec, network: Path) -> World:
         road, ground.height_at, road.paved_area
     )
     grass = build_meshes(build_verge_grass(open_ground, spec.road.id), "verge_")
+    skirt, earth = build_skirt(road.paved_edges), build_ground(ground, road.paved_area)
     furniture, signal_lamps = build_street_furniture(road, ground.height_at)
     return World(
         id=spec.road.id,
         static=(
-            *road.meshes,
-            build_skirt(road.paved_edges),
-            build_ground(ground, road.paved_area),
+            *apply_season([*road.meshes, skirt, earth], open_ground.season),
             *surroundings,
-            *grass,
+            *apply_season(grass, open_ground.season),
             *furniture,
         ),
         bodies={},

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from advercity_dsl.road import RoadsidePlacement
+from advercity_dsl.road import RoadsidePlacement, Season
 from advercity_dsl.units import Point2
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
@@ -173,12 +173,14 @@ class Site:
         reserved_area: Area without objects: paving, buildings, surroundings of sensors.
         street_axes: Axes of the streets.
         paved_area: Roadways and sidewalks alone.
+        season: Season of its plants.
     """
 
     ground_height: GroundHeight
     reserved_area: BaseGeometry
     street_axes: BaseGeometry
     paved_area: BaseGeometry
+    season: Season = Season.SUMMER
 
     def exclude(self, areas: Sequence[BaseGeometry]) -> "Site":
         """Return the site with more area reserved."""

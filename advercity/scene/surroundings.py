@@ -6,7 +6,7 @@ from itertools import chain
 import numpy as np
 import shapely
 from advercity_dsl import RoadsideUnit
-from advercity_dsl.road import Surrounding, SurroundingKind
+from advercity_dsl.road import Season, Surrounding, SurroundingKind
 from advercity_dsl.units import KM_H_PER_M_S, Point2
 from shapely.geometry.base import BaseGeometry
 
@@ -17,6 +17,7 @@ from advercity.roads.road_network import RoadNetwork
 from advercity.scene import barriers, buildings, footprints, roadside, skyline, vegetation
 from advercity.scene.buildings import Lot, LotPattern
 from advercity.scene.furniture import build_furniture
+from advercity.scene.seasons import apply_season
 from advercity.scene.site import (
     GroundHeight,
     Rectangle,
@@ -86,7 +87,8 @@ def build_surroundings(
     Raises:
         InputError: A declaration begins beyond the end of its street.
     """
-    open_ground = Site(ground_height, paved_area, network.street_axes, paved_area)
+    season = network.declaration.season or Season.SUMMER
+    open_ground = Site(ground_height, paved_area, network.street_axes, paved_area, season)
     site = open_ground.exclude(_find_sensor_clearances(network))
     declared = network.declaration.surroundings
     items = [_PlacedSurrounding(network, number, item) for number, item in enumerate(declared)]
@@ -120,7 +122,7 @@ def build_surroundings(
     for item in items:
         if density := item.declaration.per_100_m:
             parts += build_furniture(item.sides, density, obstacles, site, item.random_key)
-    return build_meshes(parts, "surroundings_"), lamps, open_ground
+    return list(apply_season(build_meshes(parts, "surroundings_"), season)), lamps, open_ground
 
 
 def _find_sensor_clearances(network: RoadNetwork) -> list[BaseGeometry]:

@@ -5,7 +5,7 @@ from enum import IntEnum
 from functools import cache
 
 import numpy as np
-from advercity_dsl.road import Species
+from advercity_dsl.road import Season, Species
 
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.directions import spread_directions
@@ -13,6 +13,7 @@ from advercity.geometry.mesh import TriangleSurface, join_surfaces, normalize, s
 from advercity.geometry.primitives import tube
 from advercity.randomness import create_generator
 from advercity.scene.foliage import build_leaves
+from advercity.scene.seasons import select_tree_leaves
 
 
 class Detail(IntEnum):
@@ -86,7 +87,9 @@ TreeParts = tuple[tuple[TriangleSurface, str], ...]
 
 
 @cache
-def build_tree(species: Species, detail: Detail) -> tuple[TreeParts, float]:
+def build_tree(
+    species: Species, detail: Detail, season: Season = Season.SUMMER
+) -> tuple[TreeParts, float]:
     """Build the shaded parts of a tree at the origin with their materials, and its height."""
     # The key holds the species' type by name: `Species` may not be renamed.
     draw = create_generator("tree", species, int(detail))
@@ -96,16 +99,19 @@ def build_tree(species: Species, detail: Detail) -> tuple[TreeParts, float]:
     ends = _spread_ends(crown, _ENDS[detail], draw)
     shoots = _build_shoots(crown, ends, detail, draw)
     wood = [_build_stem(crown)]
-    if detail < Detail.FAR:
+    is_bare = season is Season.WINTER
+    if detail < Detail.FAR or is_bare:
         wood += _build_limbs(crown, ends[::_BRANCHES_PER_LIMB])
-    if detail is Detail.NEAR:
+    if detail is Detail.NEAR or is_bare:
         wood += [*_build_branches(crown, ends), shoots.build_stems()]
-    parts = (
+    leaves = shoots.build_leaves(_LEAF_LENGTH_M[detail], draw)
+    parts = [
         (shade_smooth(join_surfaces(wood)), "bark"),
-        (shoots.build_leaves(_LEAF_LENGTH_M[detail], draw), "leaves"),
-        (_build_shaded_leaves(crown, detail, draw), "inner_leaves"),
-    )
-    return parts, max(z + rise for *_, z, _, rise in crown.blobs)
+        *select_tree_leaves(leaves, species, season),
+    ]
+    if not is_bare:
+        parts.append((_build_shaded_leaves(crown, detail, draw), "inner_leaves"))
+    return tuple(parts), max(z + rise for *_, z, _, rise in crown.blobs)
 
 
 def _spread_ends(crown: _Crown, count: int, draw: np.random.Generator) -> Float64Array:

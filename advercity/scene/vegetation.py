@@ -199,7 +199,7 @@ def build_trees(
         these = (drawn == index) & (details == detail)
         if not these.any():
             continue
-        parts, natural_m = build_tree(name, detail)
+        parts, natural_m = build_tree(name, detail, site.season)
         factor = size[these] * (1.0 if height_m is None else height_m / natural_m)
         scale = np.column_stack([factor, factor, factor * slender[these]])
         for part, material in parts:

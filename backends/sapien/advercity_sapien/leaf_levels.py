@@ -10,9 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from advercity.geometry.mesh import Mesh
+from advercity.materials import MATERIALS, Texture
 from advercity_sapien.culling import ANY_PIXEL, PixelRange
 
-LEAF_MATERIALS = frozenset({"leaves", "needles", "grass_blades"})
+LEAF_MATERIALS = frozenset(
+    name for name, material in MATERIALS.items() if material.texture is Texture.LEAVES
+)
 """Materials of meshes that consist of single leaves."""
 REDUCTION, LEVELS = 4, 3
 """Leaves of a level for one of the next, and how many levels there are."""

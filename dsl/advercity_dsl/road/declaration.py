@@ -28,7 +28,7 @@ from advercity_dsl.road.extent import (
 )
 from advercity_dsl.road.junctions import Junction, Movement
 from advercity_dsl.road.streets import CrossSection, MapFile, MapNetwork, Street, Strip, StripKind
-from advercity_dsl.road.surroundings import Surrounding, SurroundingKind
+from advercity_dsl.road.surroundings import Season, Surrounding, SurroundingKind
 from advercity_dsl.road.trajectories import TrackId, TrajectoryFile, TrajectorySet
 from advercity_dsl.units import (
     Count,
@@ -306,6 +306,8 @@ class Road(Declaration):
         default=None, exclude_if=is_none
     )
     """What is along every street apart from `surroundings`: buildings, trees, lamps and poles."""
+    season: Season | None = Field(default=None, exclude_if=is_none)
+    """Leaves and colours of plants; by default those of summer."""
     agents: Annotated[
         dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]],
         Field(max_length=100),

@@ -67,6 +67,14 @@ class Species(StrEnum):
     SPRUCE = "spruce"
 
 
+class Season(StrEnum):
+    """Season of the plants."""
+
+    SUMMER = "summer"
+    AUTUMN = "autumn"
+    WINTER = "winter"
+
+
 RoadsideOffset = Annotated[
     Metres, Field(ge=-1000, le=1000), RangeReason("1 km from a road nothing is visible")
 ]

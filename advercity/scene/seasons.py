@@ -1,0 +1,95 @@
+"""What the season makes of plants: which leaves are left, and their colours.
+
+The fractions are assumptions, as of late October and of January in Central Europe.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from itertools import pairwise
+from typing import TypeVar
+
+import numpy as np
+from advercity_dsl.road import Season, Species
+
+from advercity.geometry.mesh import Mesh, TriangleSurface
+from advercity.randomness import create_generator
+
+LeafFractions = Mapping[str, float]
+"""Fractions of the leaves by the material that they have in a season; the rest has fallen."""
+_Leaves = TypeVar("_Leaves", Mesh, TriangleSurface)
+
+_GREEN: LeafFractions = {"leaves": 1.0}
+# Trees have no green leaves in autumn: those that are green are of shrubs, by which they are told.
+_TREE_LEAVES: Mapping[Season, Mapping[Species, LeafFractions]] = {
+    Season.SUMMER: dict.fromkeys(Species, _GREEN),
+    Season.AUTUMN: {
+        Species.OAK: {"leaves_brown": 0.5, "leaves_yellow": 0.3},
+        Species.MAPLE: {"leaves_red": 0.4, "leaves_yellow": 0.3},
+        Species.BIRCH: {"leaves_yellow": 0.65},
+        Species.POPLAR: {"leaves_yellow": 0.65},
+    },
+    # Young oaks keep some dry leaves.
+    Season.WINTER: {Species.OAK: {"leaves_brown": 0.04}},
+}
+_SHRUB_LEAVES: Mapping[Season, LeafFractions] = {
+    Season.AUTUMN: {"leaves": 0.5, "leaves_yellow": 0.3, "leaves_brown": 0.15},
+    # Hedges of beech and hornbeam keep them until spring.
+    Season.WINTER: {"leaves_brown": 0.7},
+}
+"""Fractions of hedges, shrubs and distant woods."""
+_RECOLOURED: Mapping[Season, Mapping[str, str]] = {
+    # The inside of a crown turns last.
+    Season.AUTUMN: {},
+    Season.WINTER: {
+        "inner_leaves": "inner_leaves_brown",
+        "grass": "grass_dull",
+        "grass_blades": "grass_blades_dull",
+    },
+}
+"""Other materials of plants, and what they become."""
+
+
+def select_tree_leaves(
+    leaves: TriangleSurface, species: Species, season: Season
+) -> list[tuple[TriangleSurface, str]]:
+    """Select the leaves of a tree that a season leaves, a triangle each, by their materials."""
+    fractions = _TREE_LEAVES[season].get(species, {})
+    return list(_select_leaves(leaves, fractions, f"{species}/{season}"))
+
+
+def apply_season(meshes: Iterable[Mesh], season: Season) -> tuple[Mesh, ...]:
+    """Give the plants of a world, apart from the leaves of trees, the look of a season."""
+    if season is Season.SUMMER:
+        return tuple(meshes)
+    return tuple(dressed for mesh in meshes for dressed in _apply_to_mesh(mesh, season))
+
+
+def _apply_to_mesh(mesh: Mesh, season: Season) -> Iterator[Mesh]:
+    if mesh.material != "leaves":
+        yield replace(mesh, material=_RECOLOURED[season].get(mesh.material, mesh.material))
+        return
+    for kept, material in _select_leaves(mesh, _SHRUB_LEAVES[season], f"{mesh.name}/{season}"):
+        yield replace(kept, name=f"{mesh.name}_of_shrubs_{material}", material=material)
+
+
+def _select_leaves(
+    leaves: _Leaves, fractions: LeafFractions, key: str
+) -> Iterator[tuple[_Leaves, str]]:
+    """Select random leaves, whose triangles share no corner, for each material."""
+    if fractions == _GREEN:
+        yield leaves, "leaves"
+        return
+    draw = create_generator("season", key).random(len(leaves.triangles))
+    for (low, high), material in zip(
+        pairwise(np.cumsum([0.0, *fractions.values()])), fractions, strict=True
+    ):
+        corners = leaves.triangles[(draw >= low) & (draw < high)].ravel()
+        yield (
+            replace(
+                leaves,
+                vertices=leaves.vertices[corners],
+                triangles=np.arange(len(corners), dtype=leaves.triangles.dtype).reshape(-1, 3),
+                normals=None if leaves.normals is None else leaves.normals[corners],
+            ),
+            material,
+        )
