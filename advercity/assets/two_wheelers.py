@@ -6,6 +6,7 @@ Bicycles are rigged: pedals, legs and wheels move. Motorcycles are rigid but for
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cache
 
 import numpy as np
 from advercity_dsl import PedestrianAppearance
@@ -101,9 +102,16 @@ def build_parked_bicycle(size: Size, paint: str) -> list[MeshPart]:
     }
     return [
         MeshPart(surface, materials[material], Semantic.VEHICLE)
-        for surface, _, material in _BicycleGeometry(size).generate_surfaces()
+        for surface, material in _build_machine(size)
         if material in materials
     ]
+
+
+@cache
+def _build_machine(size: Size) -> tuple[tuple[TriangleSurface, str], ...]:
+    """Build the surfaces of a bicycle with their materials; a street has many of one size."""
+    machine = _BicycleGeometry(size).generate_surfaces()
+    return tuple((surface, material) for surface, _, material in machine)
 
 
 @dataclass(frozen=True)
