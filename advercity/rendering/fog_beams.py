@@ -3,8 +3,8 @@
 Fog by night glows mostly with light that is scattered several times: most of what a camera gets
 back from its own beams turned in two or three steps. Some ten thousand photons of a beam are
 followed over level ground, and their flow and fluence recorded on a grid that is fine near the
-lamp. Of the glow, a seventh is light that the road reflects before any fog has scattered it;
-surfaces do not get that part from here, as it has nothing to do with fog. As everywhere by night,
+lamp. Of the glow, a seventh is light that the road reflects before any fog has scattered it; in
+clear air that is all there is, and it lights what stands by the road. As everywhere by night,
 light that droplets deflect by the narrow lobe counts as not scattered.
 """
 
@@ -40,7 +40,9 @@ PHASE_STEPS = 4000
 Generator = np.random.Generator
 
 
-def compute_fog_beams(extinction_per_m: float) -> Float32Array:
+def compute_fog_beams(
+    extinction_per_m: float, ground_albedo: float = GROUND_ALBEDO
+) -> Float32Array:
     """Compute tables (beam, kind, nodes ahead, right, up, 4) of low beams and of front fog lamps.
 
     Of each, that of light that fog has scattered, then that with what the road reflects. Values
@@ -48,22 +50,26 @@ def compute_fog_beams(extinction_per_m: float) -> Float32Array:
     evenly spaced between `grid_corners`. Takes three seconds of processor time.
     """
     step = round(math.log(max(extinction_per_m, 1e-6)) / math.log(EXTINCTION_RATIO))
-    return _compute_tables(step)
+    return _compute_tables(step, ground_albedo)
 
 
 @cache
-def _compute_tables(extinction_step: int) -> Float32Array:
+def _compute_tables(extinction_step: int, ground_albedo: float) -> Float32Array:
     wide_fraction = DropletPhaseLobes.from_diameter_um(DROPLET_UM).wide_fraction
     extinction = wide_fraction * EXTINCTION_RATIO**extinction_step
     grids = [
-        trace_beam(LOW_BEAM, LAMP_HEIGHT_M, 0.0, extinction),
-        trace_beam(FRONT_FOG_BEAM, FOG_LAMP_HEIGHT_M, FOG_LAMP_TILT_RAD, extinction),
+        trace_beam(LOW_BEAM, LAMP_HEIGHT_M, 0.0, extinction, ground_albedo),
+        trace_beam(FRONT_FOG_BEAM, FOG_LAMP_HEIGHT_M, FOG_LAMP_TILT_RAD, extinction, ground_albedo),
     ]
     return np.stack(grids)
 
 
 def trace_beam(
-    beam: LampBeam, height_m: float, tilt_rad: float, extinction_per_m: float
+    beam: LampBeam,
+    height_m: float,
+    tilt_rad: float,
+    extinction_per_m: float,
+    ground_albedo: float = GROUND_ALBEDO,
 ) -> Float32Array:
     """Trace light of a beam over level ground: flow and fluence (2, nodes ahead, right, up, 4).
 
@@ -84,6 +90,7 @@ def trace_beam(
         _scatter(ray, generator),
         lumens * scattered,
         extinction_per_m,
+        ground_albedo,
         generator,
     )
     # Of light that reaches the road as it is, the fraction that the road reflects.
@@ -91,8 +98,9 @@ def trace_beam(
     by_road = _follow_photons(
         start[low] + ground[low, None] * ray[low],
         _reflect(len(low), generator),
-        GROUND_ALBEDO * (lumens * (1.0 - scattered))[low],
+        ground_albedo * (lumens * (1.0 - scattered))[low],
         extinction_per_m,
+        ground_albedo,
         generator,
     )
     return np.stack([by_fog, by_fog + by_road]).astype(np.float32)
@@ -103,6 +111,7 @@ def _follow_photons(
     ray: Float64Array,
     light: Float64Array,
     extinction_per_m: float,
+    ground_albedo: float,
     generator: Generator,
 ) -> Float64Array:
     """Follow lumens (n,) from points along rays (n, 3): flow and fluence (nodes..., 4)."""
@@ -112,14 +121,16 @@ def _follow_photons(
         ground = _distance_to_ground(position, ray)
         meets_ground = ground < length
         length = np.minimum(np.minimum(length, ground), MAX_PATH_M)
-        # One point of a segment represents it: its expected value is that of all.
-        passed = position + (generator.random(len(ray)) * length)[:, None] * ray
-        _add_to_grid(grid, passed, ray, light * length)
+        # One point of a segment represents it: its expected value is that of all. Points are even
+        # in the root of the distance: near the road, where much light begins, nodes are dense.
+        root = generator.random(len(ray))
+        passed = position + (root**2 * length)[:, None] * ray
+        _add_to_grid(grid, passed, ray, light * length * 2.0 * root)
         position = position + length[:, None] * ray
         ray = np.where(
             meets_ground[:, None], _reflect(len(ray), generator), _scatter(ray, generator)
         )
-        kept = (generator.random(len(ray)) < GROUND_ALBEDO) | ~meets_ground
+        kept = (generator.random(len(ray)) < ground_albedo) | ~meets_ground
         kept &= np.linalg.norm(position, axis=1) < MAX_PATH_M
         position, ray, light = position[kept], ray[kept], light[kept]
     grid = grid.reshape(*FOG_BEAM_NODES, 4) / _node_volumes()[..., None]

@@ -1,6 +1,8 @@
 """Lamps of streets, vehicles and signals, with both shader packs."""
 
 from dataclasses import replace
+from functools import partial
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from advercity.frames import Lamp, Signal
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.lamp_beams import intensity_towards
 from advercity.rendering.backend import RenderProfile
+from advercity.rendering.fog_beams import compute_fog_beams
 from advercity.rendering.light_sources import list_light_sources
 from advercity.semantics import Semantic
 from advercity.world import Body, SignalLamp, StreetLamp
@@ -107,12 +110,39 @@ def test_the_road_right_before_a_vehicle_is_lit_at_any_position(opened: Open) ->
         np.testing.assert_allclose(other, seen[0], rtol=0.05, atol=0.01 * seen[0].max())
 
 
+def test_a_wall_beside_the_road_gets_the_light_of_beams_that_the_road_reflects(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In clear air, by the table of the raster pack as by paths; straight it gets a tenth of it."""
+    of_grey = partial(compute_fog_beams, ground_albedo=0.5)
+    road = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "grey", Semantic.ROAD)
+    wall = build_box((16.0, 7.0, 2.0), (20.0, 1.0, 4.0), "white", Semantic.BUILDING)
+    view = view_of(pose_matrix((14.0, 0.0, 1.5), yaw=np.pi / 2), size=(32, 24))
+    frame = frame_of(state(1, (0.0, 0.0, 0.0), lamps=Lamp.LOW_BEAM))
+
+    def light_of_wall(pack: Literal["raster", "ray_traced"]) -> Floats:
+        profile = RenderProfile("test", 1.0, pack, samples=128, path_depth=2)
+        with SapienBackend().open(world_of(road, wall), air_of(night=True), profile) as renderer:
+            renderer.place(frame)
+            # Blue: tail lamps have none.
+            return renderer.render_camera(view).radiance[8:12, 8:24, 2]
+
+    monkeypatch.setattr("advercity_sapien.renderer.compute_fog_beams", of_grey)
+    lit, traced = light_of_wall("raster"), light_of_wall("ray_traced")
+    # Two harmonics of its directions give a wall that stands along the road a sixth less.
+    assert lit.mean() == pytest.approx(traced.mean(), rel=0.2)
+
+
 @pytest.mark.parametrize(
     ("lamps", "led"),
     [(Lamp.LOW_BEAM, False), (Lamp.LOW_BEAM, True), (Lamp.FOG, False), (Lamp.HIGH_BEAM, False)],
 )
-def test_beams_have_the_pattern_that_sensors_know(opened: Open, lamps: Lamp, led: bool) -> None:
-    """On a wall 10 m ahead, at the height of the lamps and below."""
+def test_beams_have_the_pattern_that_sensors_know(
+    opened: Open, lamps: Lamp, led: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a wall 10 m ahead, at the height of the lamps and below, without a road."""
+    no_road = partial(compute_fog_beams, ground_albedo=0.0)
+    monkeypatch.setattr("advercity_sapien.renderer.compute_fog_beams", no_road)
     wall = world_of(build_box((11.5, 0.0, 0.0), (1.0, 30.0, 4.0), "white"))
     frame = frame_of(replace(state(1, (0.0, 0.0, 0.0), lamps=lamps), has_led_headlamps=led))
     view = view_of(pose_matrix((1.0, 0.0, 0.7)), size=(180, 180))

@@ -198,10 +198,10 @@ float beamTransmittance(Lamp l, float distance) {
   return l.kind == LAMP_STREET ? 1.0 : unscatteredTransmittance(distance);
 }
 
-// Light at a point that fog has scattered out of a beam, per kcd of its peak: flow and fluence; for glow
-// with what the road reflects. The table (fog_beams.py) has it by roots of the metres ahead of the
+// Light at a point that fog has scattered out of a beam, per kcd of its peak: flow and fluence; perhaps
+// with what the road reflects before. The table (fog_beams.py) has it by roots of the metres ahead of the
 // lamp, to the side, and above the ground; between eight nodes it is linear.
-vec4 scatteredLight(Lamp l, vec3 position, bool forGlow) {
+vec4 scatteredLight(Lamp l, vec3 position, bool byRoad) {
   vec2 ahead = normalize(l.facing.xy), away = position.xy - l.middle.xy;
   float mounted = l.kind == LAMP_FOG_BEAM ? FOG_LAMP_HEIGHT : LAMP_HEIGHT;
   vec3 point = vec3(dot(away, ahead), dot(away, vec2(ahead.y, -ahead.x)),
@@ -212,7 +212,7 @@ vec4 scatteredLight(Lamp l, vec3 position, bool forGlow) {
   if (any(lessThan(place, vec3(0.0))) || any(greaterThanEqual(place, last))) return vec4(0.0);
   ivec3 first = min(ivec3(place), FOG_BEAM_NODES - 2);
   vec3 part = place - vec3(first);
-  int number = (l.kind == LAMP_FOG_BEAM ? 2 : 0) + (forGlow ? 1 : 0);
+  int number = (l.kind == LAMP_FOG_BEAM ? 2 : 0) + (byRoad ? 1 : 0);
   int row = FOG_BEAMS_ROW + number * FOG_BEAM_ROWS;
   vec4 light = vec4(0.0);
   for (int i = 0; i < 8; ++i) {
@@ -237,8 +237,8 @@ float scatteredIrradiance(vec4 light, vec3 normal) {
 }
 
 // Radiance of a surface that one lamp lights, without shadows; of one that mirrors without its lobe,
-// which `lampMirrorReflection` has.
-vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position, bool mirrors) {
+// which `lampMirrorReflection` has. Perhaps with the light of beams that comes by the road.
+vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position, bool mirrors, bool byRoad) {
   vec3 away = position - l.middle;
   float distance2 = dot(away, away);
   if (distance2 > l.range * l.range) return vec3(0.0);
@@ -246,7 +246,7 @@ vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position, bool mirr
   vec3 ray = away / distance;
   // What each part can be is known without the beam's shape, which is expensive. Scattered light is more
   // than this of the peak's only near a lamp, where it is far from negligible.
-  const float MAX_SCATTERED = 0.05;
+  const float MAX_SCATTERED = 0.05, MAX_BY_ROAD = 6e-3;
   float left = beamTransmittance(l, distance);
   float given = rangeFalloff(l, distance) / (distance2 + lampSizeSquared(l));
   vec3 reflected = diffuseCosine(s, towardsEye, -ray);
@@ -257,8 +257,9 @@ vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position, bool mirr
   if (dot(s.normal, ray) < 0.0 && dot(direct, vec3(1.0)) >= negligibleRadiance) {
     sum += direct * intensityFraction(l, ray, distance);
   }
-  if (isBeam(l) && MAX_SCATTERED * given * (1.0 - left) * dot(scattered, vec3(1.0)) >= negligibleRadiance) {
-    vec4 light = scatteredLight(l, position, false);
+  float most = MAX_SCATTERED * (1.0 - left) + (byRoad ? MAX_BY_ROAD * left : 0.0);
+  if (isBeam(l) && most * given * dot(scattered, vec3(1.0)) >= negligibleRadiance) {
+    vec4 light = scatteredLight(l, position, byRoad);
     sum += scattered * rangeFalloff(l, distance) * scatteredIrradiance(light, s.normal);
   }
   return sum;

@@ -67,13 +67,14 @@ vec3 lampRadiance(Surface s, vec3 towardsEye, vec3 position, vec3 normal) {
   // A point lamp in a perfect mirror would fall between pixels, or be far too bright in one.
   s.alpha = max(s.alpha, 0.05);
   vec3 sum = vec3(0.0);
-  bool mirrors = isMirrorLike(s);
+  // The road reflects hardly any light to what is level.
+  bool mirrors = isMirrorLike(s), byRoad = s.normal.z < 0.7;
   ivec2 cell = cellList(position.xy);
   for (int i = cell.x; i < cell.y; ++i) {
     ivec4 four = lampQuad(CELL_LAMPS_ROW, i);
     for (int j = 0; j < 4 && four[j] >= 0; ++j) {
       Lamp l = fetchLamp(four[j]);
-      vec3 light = lampReflection(l, s, towardsEye, position, mirrors);
+      vec3 light = lampReflection(l, s, towardsEye, position, mirrors, byRoad);
       if (light != vec3(0.0)) sum += light * lampVisibility(l, position, normal);
     }
   }
