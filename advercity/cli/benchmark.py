@@ -167,7 +167,10 @@ def evaluate(
     from advercity.benchmark.evaluation import EvaluationOptions, evaluate_predictions
     from advercity.cli.tables import format_columns, format_json
     from advercity.dataset.statistics import write_tables
+    from advercity.output_files import check_is_outside_scenarios
 
+    if output is not None:
+        check_is_outside_scenarios(output)
     options = EvaluationOptions(
         classes=tuple(name.strip() for name in classes.split(",")),
         communication_range_m=communication_range,
@@ -205,8 +208,9 @@ def degradation(
     from advercity.cli.tables import format_columns
     from advercity.dataset.statistics import write_tables
     from advercity.dataset.statistics_plots import save_figure
-    from advercity.output_files import open_output
+    from advercity.output_files import check_is_outside_scenarios, open_output
 
+    check_is_outside_scenarios(output)
     options = EvaluationOptions(frames=parse_frame_slice(frames))
     table = tabulate_degradation(dataset, predictions or (), options)
     with open_output(output / "degradation.png") as path:

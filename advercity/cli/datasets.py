@@ -192,7 +192,9 @@ def stats(
     from advercity.dataset.facts import collect_dataset_facts
     from advercity.dataset.statistics import compute_tables, write_tables
     from advercity.dataset.statistics_plots import write_plots
+    from advercity.output_files import check_is_outside_scenarios
 
+    check_is_outside_scenarios(output)
     found = compute_tables(collect_dataset_facts(dataset))
     write_tables(found, output)
     write_plots(found, output)
@@ -222,9 +224,11 @@ def study(
 
     Pictures by features of a network, LiDAR sweeps by statistics.
     """
+    from advercity.output_files import check_is_outside_scenarios
     from advercity.study.recordings import open_recordings
     from advercity.study.report import write_study
 
+    check_is_outside_scenarios(output)
     opened = [recording.thin(limit) for recording in open_recordings(recordings)]
     for recording in opened:
         print_remark(

@@ -37,6 +37,8 @@ def format_starter(kind: str, name: str, *, schemas: str = SCHEMAS_FOLDER) -> st
         raise InputError(f"unknown kind '{kind}'; {suggest_name(kind, DECLARATIONS)}")
     if not re.fullmatch(ID_PATTERN, name):
         raise InputError(f"'{name}' is not an id; {ID_HINT}")
+    if not isinstance(parse_document(Path(name), name).data, str):
+        raise InputError(f"'{name}' is a value in YAML, not a text; choose another id")
     text = (files("advercity") / "compiler" / "starters" / f"{kind}.yaml").read_text("utf-8")
     modeline = f"# yaml-language-server: $schema={schemas}/{kind}.schema.json\n"
     return modeline + text.replace("{id}", name)

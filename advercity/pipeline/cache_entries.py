@@ -20,6 +20,8 @@ from advercity.atomic_files import (
     remove_abandoned_partials,
     write_atomically,
 )
+from advercity.diagnostics import DiagnosticsError
+from advercity.documents import read_bytes
 from advercity.errors import RunError, describe_cause
 from advercity.pipeline.cache import find_cache_folder
 from advercity.pipeline.options import format_byte_size, parse_byte_size
@@ -40,6 +42,7 @@ ENTRY_FILES = {
 """Patterns of the files of entries, by kind."""
 _KEY = re.compile(r"[0-9a-f]{64}")
 _CHECKSUM = re.compile(r"([0-9a-f]{64})  (.+)\n")
+_MAX_CHECKSUM_BYTES = 1000
 
 
 @dataclass(frozen=True)
@@ -251,7 +254,7 @@ def _sweep() -> None:
 def _check_entry(path: Path) -> None:
     """Raise RunError if an entry is not as it was written, or was written under another name."""
     try:
-        is_same = _get_checksum_file(path).read_bytes() == _format_checksum(path, path).encode()
+        is_same = _read_checksum_file(path) == _format_checksum(path, path)
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
     if not is_same:
@@ -269,11 +272,23 @@ def _format_checksum(file: Path, path: Path) -> str:
 
 def _read_recorded_checksum(path: Path) -> str | None:
     """Read the checksum next to an entry; None if there is none of that name."""
-    with suppress(OSError, UnicodeDecodeError):
-        match = _CHECKSUM.fullmatch(_get_checksum_file(path).read_text(encoding="utf-8"))
+    with suppress(OSError):
+        match = _CHECKSUM.fullmatch(_read_checksum_file(path))
         if match and match[2] == path.relative_to(find_cache_folder()).as_posix():
             return match[1]
     return None
+
+
+def _read_checksum_file(path: Path) -> str:
+    """Read the file next to an entry that records its checksum; empty if it cannot be one.
+
+    Raises:
+        OSError: It is missing or unreadable.
+    """
+    with suppress(DiagnosticsError):  # a device, which may never end, or larger than any checksum
+        content = read_bytes(_get_checksum_file(path), max_bytes=_MAX_CHECKSUM_BYTES)
+        return content.decode(errors="replace")
+    return ""
 
 
 def _get_checksum_file(path: Path) -> Path:

@@ -145,6 +145,8 @@ def _open_recording(text: str) -> Recording:
     name, separator, path = text.partition("=")
     folder = Path(path if separator else text)
     name = name if separator else resolve_links(folder).name
+    if separator and not name:
+        raise InputError(f"{text}: has no name before '='; give one, such as ours{text}")
     if not folder.is_dir():
         raise InputError(f"{folder}: is no folder")
     if _is_own(folder):

@@ -124,7 +124,11 @@ def test_a_command_puts_no_folder_of_another_kind_into_a_dataset(
         "schema --output PLACE",
         "show SPEC --map PLACE/plan.png",
         "sheet DATASET/rcnj_fog_day_sparse --output PLACE/000001_sheet.png",
-        "stats DATASET --output PLACE",
+        # Inputs that do not exist: the place is refused before what may take minutes.
+        "stats no_dataset --output PLACE",
+        "study no_folder --output PLACE",
+        "benchmark evaluate no_predictions no_dataset --output PLACE",
+        "benchmark degradation no_dataset --output PLACE",
         "video DATASET --output PLACE --kind lidar",
     ],
 )

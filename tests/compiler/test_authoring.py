@@ -103,6 +103,12 @@ def test_a_name_that_is_not_an_id_is_rejected() -> None:
         format_starter("weather", "../x")
 
 
+@pytest.mark.parametrize("name", ["null", "true", "false"])
+def test_a_name_that_yaml_reads_as_a_value_is_rejected(name: str) -> None:
+    with pytest.raises(InputError, match=f"'{name}' is a value in YAML, not a text"):
+        format_starter("weather", name)
+
+
 def test_files_of_the_library_refer_to_their_schemas(library: Path, tmp_path: Path) -> None:
     write_schemas(tmp_path / SCHEMAS_FOLDER)
     shutil.copytree(library, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".*"))

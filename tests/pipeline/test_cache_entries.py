@@ -207,6 +207,19 @@ def test_a_folder_in_place_of_an_entry_is_one_message_and_stays(
     assert (path / "notes.txt").read_text() == "mine"
 
 
+def test_an_entry_whose_checksum_is_a_device_counts_as_absent(
+    get: Get, built: list[str], cache: Path
+) -> None:
+    get(KEYS[0])
+    checksum = cache / "traces" / f"{KEYS[0]}.npz.sha256"
+    checksum.unlink()
+    checksum.symlink_to("/dev/zero")
+    assert list_entries() == []
+    assert get(KEYS[0]) == b"a data"
+    assert built == ["a", "a"]
+    assert len(list_entries()) == 1
+
+
 def test_a_link_in_place_of_an_entry_is_replaced_and_its_target_stays(
     get: Get, built: list[str], cache: Path, tmp_path: Path
 ) -> None:

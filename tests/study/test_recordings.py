@@ -85,6 +85,8 @@ def test_folders_that_cannot_be_compared_are_refused(tmp_path: Path) -> None:
         open_recordings([str(tmp_path)])
     with pytest.raises(InputError, match="no: is no folder"):
         open_recordings([str(tmp_path / "no")])
+    with pytest.raises(InputError, match="=x: has no name before '='; give one, such as ours=x"):
+        open_recordings(["=x"])
     write_picture(tmp_path / "one" / "a.png")
     write_picture(tmp_path / "x" / "one" / "a.png")
     with pytest.raises(InputError, match="two folders are called 'one'; name them"):
