@@ -178,14 +178,19 @@ def _keep_serving(scenario: Path, viewer: "ViewerTarget") -> None:
 @contextmanager
 def _describe_interrupt(output: str, *, fresh: bool) -> Generator[None]:
     """Add to an interrupt, or another signal to end, what is kept and how to go on."""
-    again = "the same command without --fresh" if fresh else "the same command"
-    text = f"finished frames are kept in {output}, and {again} makes the others"
+
+    def describe() -> str:
+        if "://" not in output and not Path(output).exists():
+            return "no frame was finished"
+        again = "the same command without --fresh" if fresh else "the same command"
+        return f"finished frames are kept in {output}, and {again} makes the others"
+
     try:
         yield
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(text) from None
+        raise KeyboardInterrupt(describe()) from None
     except EndedBySignal as ended:
-        raise EndedBySignal(ended.number, text) from None
+        raise EndedBySignal(ended.number, describe()) from None
 
 
 @commands.command()

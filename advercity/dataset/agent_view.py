@@ -1,4 +1,4 @@
-"""What one agent recorded in one frame, read from its files, and annotated objects as arrays.
+"""What one agent recorded in one frame, read from its files.
 
 Everything comes back in the right-handed frames that the rest of advercity uses, whatever the
 layout of the files: world x east, y north, z up; bodies x forward, y left, z up; metres and
@@ -9,19 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.dataset.boxes import Boxes, parse_boxes, to_m_s
 from advercity.dataset.carla_frame import (
     matrix_from_carla_pose,
-    mirror_angle,
-    mirror_angular_rate,
     mirror_columns,
     mirror_points,
 )
@@ -33,6 +32,7 @@ from advercity.dataset.image_codec import (
     from_normal_colours,
     from_semantic_colours,
 )
+from advercity.dataset.motion_files import parse_can, parse_gnss, parse_imu
 from advercity.dataset.radar_files import RADAR_POINT, load_cube
 from advercity.documents import MAX_JSON_BYTES, MAX_YAML_BYTES, parse_json, parse_yaml, read_bytes
 from advercity.errors import InputError, RunError, describe_cause
@@ -44,12 +44,9 @@ from advercity.sensors.measurements import (
     CameraReadout,
     CanSample,
     GnssFix,
-    GnssSolution,
     ImuSample,
-    Indicator,
     OpticalFlow,
     RadarCube,
-    SolutionQuality,
 )
 from advercity.sensors.mounts import carrier_from_sensor
 from advercity.sensors.rolling_shutter import RollingCamera, compute_row_times
@@ -57,7 +54,6 @@ from advercity.sensors.rolling_shutter import RollingCamera, compute_row_times
 if TYPE_CHECKING:
     from advercity_dsl import Agent
 
-_Speed = TypeVar("_Speed", float, NDArray[np.float64])
 MAX_IMAGE_BYTES = 10**9
 """Far above any image without compression."""
 REPAIR_HINT = "`advercity verify` lists all such files, `advercity repair` restores them"
@@ -79,83 +75,6 @@ def report_read_errors(path: Path) -> Generator[None]:
         raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         raise InputError(f"{path}: is damaged; {REPAIR_HINT}") from error
-
-
-@dataclass(frozen=True, eq=False)
-class Boxes:
-    """Objects that one agent annotates, n of them.
-
-    Attributes:
-        ids: (n,) int64, the same for the same object in all frames and agents of a scenario.
-        classes: (n,) text: car, van, truck, bicycle, motorcycle or pedestrian.
-        world_from_box: (n, 4, 4); origin in the middle of the box, x forward, y left, z up.
-        sizes: (n, 3) full length, width and height in metres.
-        speeds_m_s: (n,).
-        distances_m: (n,) from the agent's origin.
-        bearings_rad: (n,) direction from the agent; 0 ahead, positive to the left.
-        lidar_hits: (n,) beams of the noise-free LiDAR that hit it.
-        lidar_points: (n,) points that it returned in this weather.
-        visible_fraction: (n,) largest fraction of it that one of the agent's cameras shows, 0 to 1.
-        is_parked: (n,) whether it is a parked car.
-    """
-
-    ids: NDArray[np.int64]
-    classes: NDArray[np.str_]
-    world_from_box: NDArray[np.float64]
-    sizes: NDArray[np.float64]
-    speeds_m_s: NDArray[np.float64]
-    distances_m: NDArray[np.float64]
-    bearings_rad: NDArray[np.float64]
-    lidar_hits: NDArray[np.int64]
-    lidar_points: NDArray[np.int64]
-    visible_fraction: NDArray[np.float64]
-    is_parked: NDArray[np.bool_]
-
-    def __len__(self) -> int:
-        """Return the number of objects."""
-        return len(self.ids)
-
-    def select(self, where: NDArray[np.bool_]) -> Boxes:
-        """Select objects by a mask (n,), as `boxes.lidar_points >= 5`."""
-        return Boxes(*(getattr(self, item.name)[where] for item in fields(self)))
-
-
-def parse_boxes(objects: dict[Any, dict[str, Any]]) -> Boxes:
-    """Convert objects of a frame's YAML, by id; there they are left-handed, degrees, km/h."""
-    items = list(objects.values())
-    centres = [np.add(item["location"], item["center"]) for item in items]
-    box_poses = [
-        matrix_from_carla_pose([*centre, *item["angle"]])
-        for centre, item in zip(centres, items, strict=True)
-    ]
-    return Boxes(
-        ids=np.array(list(objects), dtype=np.int64),
-        classes=np.array([_parse_class(item) for item in items], dtype=np.str_),
-        world_from_box=np.reshape(box_poses, (-1, 4, 4)).astype(np.float64),
-        sizes=np.reshape([item["extent"] for item in items], (-1, 3)) * 2.0,
-        speeds_m_s=_to_m_s(_parse_column(items, "speed")),
-        distances_m=_parse_column(items, "dist"),
-        bearings_rad=mirror_angle(np.deg2rad(_parse_column(items, "bearing"))),
-        lidar_hits=np.array([int(item["lidar_hits"]) for item in items], dtype=np.int64),
-        lidar_points=np.array([int(item["lidar_points"]) for item in items], dtype=np.int64),
-        visible_fraction=_parse_column(items, "visible_fraction"),
-        is_parked=np.array([item.get("parked", False) for item in items], dtype=np.bool_),
-    )
-
-
-def _to_m_s(speed_km_h: _Speed) -> _Speed:
-    # Imported here: the models that come with it take longer to build than opening a dataset.
-    from advercity_dsl.units import M_S_PER_KM_H
-
-    return speed_km_h * M_S_PER_KM_H
-
-
-def _parse_class(item: dict[str, Any]) -> str:
-    return "pedestrian" if item["class"] == "walker" else item["class"]
-
-
-def _parse_column(items: list[dict[str, Any]], key: str) -> NDArray[np.float64]:
-    return np.array([item[key] for item in items], dtype=np.float64)
 
 
 class AgentView:
@@ -412,7 +331,7 @@ class AgentView:
         document = self._load_motion()
         with report_read_errors(self.path(self._format.motion_suffix)):
             gnss, imu = document.get("gnss"), document.get("imu")
-            return gnss and _parse_gnss(gnss), imu and _parse_imu(imu)
+            return gnss and parse_gnss(gnss), imu and parse_imu(imu)
 
     @property
     def can(self) -> CanSample | None:
@@ -422,7 +341,7 @@ class AgentView:
         document = self._load_motion()
         with report_read_errors(self.path(self._format.motion_suffix)):
             signals = document.get("can")
-            return signals and _parse_can(signals)
+            return signals and parse_can(signals)
 
     def _load_motion(self) -> dict[str, Any]:
         """Load what receiver, inertial unit and bus reported; nothing of agents without them."""
@@ -545,7 +464,7 @@ class AgentView:
     def speed_m_s(self) -> float:
         """Speed of the vehicle; 0 for a roadside unit."""
         with report_read_errors(self.path(".yaml")):
-            return _to_m_s(float(self._get_described("ego_speed")))
+            return to_m_s(float(self._get_described("ego_speed")))
 
     @property
     def boxes(self) -> Boxes:
@@ -595,52 +514,6 @@ class AgentView:
         if image is None:
             raise InputError(f"{path}: is missing or no image; {REPAIR_HINT}")
         return image
-
-
-def _parse_gnss(fix: dict[str, Any]) -> GnssFix:
-    return GnssFix(
-        latitude_deg=fix["lat"],
-        longitude_deg=fix["lon"],
-        altitude_m=fix["alt"],
-        time_s=fix["timestamp"],
-        heading_rad=fix.get("heading"),
-        quality=_parse_quality(fix) if "solution" in fix else None,
-        earlier=tuple(map(_parse_gnss, fix.get("earlier", ()))),
-    )
-
-
-def _parse_quality(fix: dict[str, Any]) -> SolutionQuality:
-    return SolutionQuality(
-        solution=GnssSolution(fix["solution"]),
-        satellites=fix["satellites"],
-        visible=fix["visible"],
-        pdop=fix["pdop"],
-        hdop=fix["hdop"],
-        vdop=fix["vdop"],
-    )
-
-
-def _parse_imu(sample: dict[str, Any]) -> ImuSample:
-    return ImuSample(
-        specific_force=mirror_points([sample["accelerometer"][axis] for axis in "xyz"]),
-        angular_rate=mirror_angular_rate([sample["gyroscope"][axis] for axis in "xyz"]),
-        compass_rad=sample["compass"],
-        time_s=sample.get("time_offset", 0.0),
-        earlier=tuple(map(_parse_imu, sample.get("earlier", ()))),
-    )
-
-
-def _parse_can(signals: dict[str, Any]) -> CanSample:
-    return CanSample(
-        wheel_speeds_m_s=np.array(signals["wheel_speeds_m_s"], dtype=np.float64),
-        speed_m_s=signals["speed_m_s"],
-        steering_wheel_rad=signals["steering_wheel_rad"],
-        yaw_rate_rad_s=signals["yaw_rate_rad_s"],
-        is_braking=signals["brake"],
-        indicator=Indicator(signals["indicator"]),
-        time_s=signals.get("time_offset", 0.0),
-        earlier=tuple(map(_parse_can, signals.get("earlier", ()))),
-    )
 
 
 def extract_measured(

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.dataset.agent_view import AgentView, Boxes
+from advercity.dataset.agent_view import AgentView
+from advercity.dataset.boxes import Boxes
 from advercity.dataset.image_codec import to_semantic_colours
 from advercity.dataset.reader import FrameView, Scenario
 from advercity.dataset.scenario_folders import find_scenarios_by_name, no_frames_error

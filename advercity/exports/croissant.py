@@ -17,8 +17,9 @@ from contextlib import contextmanager
 from typing import Any
 
 from advercity import __version__
-from advercity.dataset.agent_view import AgentView, Boxes
+from advercity.dataset.agent_view import AgentView
 from advercity.dataset.attribution import format_attribution
+from advercity.dataset.boxes import Boxes
 from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.reader import Dataset, FrameView, Scenario
 from advercity.dataset.weather_truth import WeatherTruth

@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.dataset.agent_view import AgentView, Boxes
+from advercity.dataset.agent_view import AgentView
+from advercity.dataset.boxes import Boxes
 from advercity.dataset.reader import Dataset, FrameView
 from advercity.exports.oxts import format_oxts
 from advercity.exports.pieces import Piece, PieceFiles, make_common_piece, split_by_frame

@@ -7,7 +7,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.dataset.agent_view import AgentView, Boxes
+from advercity.dataset.agent_view import AgentView
+from advercity.dataset.boxes import Boxes
 from advercity.exports.libraries import load_library
 from advercity.exports.mcap_values import (
     Stamp,

@@ -13,7 +13,8 @@ import numpy as np
 from advercity_dsl.road import Road
 from numpy.typing import NDArray
 
-from advercity.dataset.agent_view import AgentView, Boxes
+from advercity.dataset.agent_view import AgentView
+from advercity.dataset.boxes import Boxes
 from advercity.dataset.reader import Dataset, FrameView, Scenario
 from advercity.digests import compute_json_digest
 from advercity.exports.nuscenes_scene import (

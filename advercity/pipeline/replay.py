@@ -11,7 +11,8 @@ from advercity_dsl import Spec
 from numpy.typing import NDArray
 
 from advercity.conflicts.events import find_conflict_events
-from advercity.dataset.agent_view import AgentView, Boxes, extract_measured
+from advercity.dataset.agent_view import AgentView, extract_measured
+from advercity.dataset.boxes import Boxes
 from advercity.dataset.image_codec import MAX_DEPTH_CM
 from advercity.dataset.radar_files import parse_detections
 from advercity.dataset.reader import Scenario

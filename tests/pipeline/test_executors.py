@@ -279,7 +279,7 @@ def start_two_runs(specs: list[Spec], stunts: Path, stunt: str) -> subprocess.Po
     return process
 
 
-def test_an_interrupted_run_says_how_to_go_on_and_leaves_no_process_behind(
+def test_an_interrupted_run_without_a_frame_says_so_and_leaves_no_process_behind(
     few: list[Spec], stunts: Path, tmp_path: Path
 ) -> None:
     with start_two_runs(few, stunts, "hang") as process:
@@ -288,12 +288,23 @@ def test_an_interrupted_run_says_how_to_go_on_and_leaves_no_process_behind(
         process.send_signal(signal.SIGINT)
         _, told = process.communicate(timeout=60)
     assert process.returncode == 130
+    assert told.endswith("error: interrupted; no frame was finished\n")
+    assert psutil.wait_procs(children, timeout=60)[1] == []
+    assert not (tmp_path / "output").exists()
+
+
+def test_an_interrupted_run_says_where_frames_are_and_how_to_go_on(
+    few: list[Spec], stunts: Path, options: OptionsFor, listener: RecordingListener, tmp_path: Path
+) -> None:
+    raise_failures(run_scenarios(few[2:3], options(tmp_path / "output"), listener=listener))
+    with start_two_runs(few, stunts, "hang") as process:
+        process.send_signal(signal.SIGINT)
+        _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
     assert told.endswith(
         "error: interrupted; finished frames are kept in output, and the same command makes the"
         " others\n"
     )
-    assert psutil.wait_procs(children, timeout=60)[1] == []
-    assert not (tmp_path / "output").exists()
 
 
 def test_workers_in_native_code_end_with_a_run_that_is_killed(
