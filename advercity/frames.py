@@ -65,8 +65,7 @@ class Actor:
     @staticmethod
     def from_blueprint(number: int, name: str, blueprint: Blueprint, paint: str) -> "Actor":
         """Build an actor from the blueprint of a name."""
-        size = blueprint.length_m, blueprint.width_m, blueprint.height_m
-        return Actor(number, blueprint.actor_class, name, paint, size)
+        return Actor(number, blueprint.actor_class, name, paint, blueprint.size)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from advercity.assets.model_files import read_glb
 from advercity.assets.model_images import find_images_file, name_image, read_images
 from advercity.assets.model_store import ModelStore
 from advercity.assets.model_wheels import find_model_wheels
-from advercity.assets.pedestrians import build_pedestrian, build_person, draw_looks
+from advercity.assets.pedestrians import build_pedestrian, build_people, draw_looks
 from advercity.assets.people.storage import read_people
 from advercity.assets.rigged_bodies import fit_to_box
 from advercity.assets.trucks import build_model_cargo_trim, build_truck
@@ -85,16 +85,14 @@ def _clip_to_box(part: Mesh, size: Size) -> Mesh:
 
 
 def _build_fitted_body(blueprint_id: str, blueprint: Blueprint, store: ModelStore | None) -> Body:
-    size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
-    actor_class = blueprint.actor_class
+    size, actor_class = blueprint.size, blueprint.actor_class
     model = blueprint.model
     if model is not None and store is not None:
         path = store.prepare_model(blueprint)
         if path is None:
             raise RunError(f"the model {format_model_name(model)} is not installed")
         if model.person is not None:
-            first, *others = (build_person(person, size) for person in read_people(path))
-            return replace(first, others=tuple(others))
+            return build_people(read_people(path), blueprint)
         parts = [*_load_model_parts(path, actor_class), *_build_lenses(blueprint.lamps)]
         if actor_class == "truck":
             parts += build_model_cargo_trim(blueprint_id, parts)
@@ -104,7 +102,8 @@ def _build_fitted_body(blueprint_id: str, blueprint: Blueprint, store: ModelStor
             parts += build_model_rider(blueprint_id, model.ridden, size)
     elif actor_class == "pedestrian":
         # Its box holds a whole stride, so its builder fits it while it solves for the stride.
-        return build_pedestrian(blueprint.looks or draw_looks(blueprint_id, size[2]), size)
+        looks = blueprint.looks or draw_looks(blueprint_id, size[2])
+        return build_pedestrian(looks, blueprint)
     elif actor_class in _BODY_BUILDERS:
         return fit_to_box(_BODY_BUILDERS[actor_class](blueprint_id, size), size)
     else:

@@ -7,6 +7,7 @@ heel, rests, then rolls over its tip. Legs follow by inverse kinematics, arms sw
 them. Proportions and angles are from Perry and Burnfield, Gait Analysis, 2010.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -178,10 +179,17 @@ def compute_bone_transforms(rest: Float64Array, postures: Float64Array) -> NDArr
     The result is (n, bones, 3, 4) float32: a point x at rest moves to `transform[:, :3] @ x +
     transform[:, 3]`. Bones do not twist about their own axes.
     """
-    before = rest[_BONE_ENDS[:, 1]] - rest[_BONE_ENDS[:, 0]]
-    after = postures[:, _BONE_ENDS[:, 1]] - postures[:, _BONE_ENDS[:, 0]]
+    return compute_segment_transforms(rest, postures, _BONE_ENDS)
+
+
+def compute_segment_transforms(
+    rest: Float64Array, postures: Float64Array, ends: NDArray[np.int64]
+) -> NDArray[np.float32]:
+    """Compute the transforms (n, bones, 3, 4) of bones with joints `ends` (bones, 2)."""
+    before = rest[ends[:, 1]] - rest[ends[:, 0]]
+    after = postures[:, ends[:, 1]] - postures[:, ends[:, 0]]
     turn = _compute_shortest_rotations(before, after)
-    shift = postures[:, _BONE_ENDS[:, 0]] - np.einsum("nbij,bj->nbi", turn, rest[_BONE_ENDS[:, 0]])
+    shift = postures[:, ends[:, 0]] - np.einsum("nbij,bj->nbi", turn, rest[ends[:, 0]])
     return np.concatenate([turn, shift[..., None]], axis=-1).astype(np.float32)
 
 
@@ -210,6 +218,10 @@ _FLAT_START, _FLAT_END = 0.11, 0.36
 """Phases between which the foot is flat on the ground."""
 HEEL_ROLL, TOE_ROLL = (-0.022, 0.022), (0.104, 0.016)
 """Rounded heel and tip of the shoe: distance ahead of the ankle and radius, in heights."""
+
+
+SITTING_LEAN_RAD = np.radians(8.0)
+"""Lean of the back of who sits in a wheelchair."""
 
 
 def compute_walking_postures(
@@ -334,3 +346,57 @@ def raise_right_forearm(postures: Float64Array, build: BodyBuild) -> Float64Arra
     raised[..., elbow, :] = raised[..., shoulder, :] + np.array([0.035, -0.020, -0.168]) * h
     raised[..., hand, :] = raised[..., elbow, :] + np.array([0.115, 0.020, 0.105]) * h
     return raised
+
+
+def move_hands(
+    postures: Float64Array, rest: Float64Array, hands: Mapping[int, Float64Array]
+) -> Float64Array:
+    """Move hands of postures (..., joints, 3) to places (..., 3), by side, left 1 and right -1.
+
+    Arms have the lengths of `rest` (joints, 3); elbows bend down and outwards.
+    """
+    moved = postures.copy()
+    for left, place in hands.items():
+        shoulder, elbow, hand = (
+            joint_on_side(joint, left) for joint in (Joint.SHOULDER, Joint.ELBOW, Joint.HAND)
+        )
+        upper = float(np.linalg.norm(rest[elbow] - rest[shoulder]))
+        fore = float(np.linalg.norm(rest[hand] - rest[elbow]))
+        start = moved[..., shoulder, :]
+        end = np.broadcast_to(place, start.shape)
+        bend = (-0.6, 0.35 * left, -0.7)
+        moved[..., elbow, :] = solve_middle_joint(start, end, upper, fore, bend)
+        moved[..., hand, :] = end
+    return moved
+
+
+def compute_sitting_posture(
+    rest: Float64Array, build: BodyBuild, pelvis: Float64Array, sole_z_m: float
+) -> Float64Array:
+    """Compute the posture (joints, 3) of sitting, from that of standing.
+
+    The back leans by `SITTING_LEAN_RAD`, thighs are level, and soles are at a height.
+
+    Args:
+        rest: Posture (joints, 3) of standing.
+        build: Proportions of the figure.
+        pelvis: (3,) its place.
+        sole_z_m: Height of the soles.
+    """
+    posture = rest.copy()
+    upper = posture - rest[Joint.PELVIS]
+    cosine, sine = np.cos(SITTING_LEAN_RAD), np.sin(SITTING_LEAN_RAD)
+    posture[:, 0] = pelvis[0] + cosine * upper[:, 0] - sine * upper[:, 2]
+    posture[:, 2] = pelvis[2] + sine * upper[:, 0] + cosine * upper[:, 2]
+    half = build.leg_m / 2
+    for left in (1, -1):
+        hip, knee, ankle, toe = (
+            joint_on_side(joint, left) for joint in (Joint.HIP, Joint.KNEE, Joint.ANKLE, Joint.TOE)
+        )
+        thigh = np.array([0.99, 0.07 * left, 0.1])
+        posture[knee] = posture[hip] + half * thigh / np.linalg.norm(thigh)
+        drop = posture[knee, 2] - sole_z_m - build.ankle_m
+        ahead = np.sqrt(max(half**2 - drop**2, 0.0))
+        posture[ankle] = posture[knee] + (ahead, 0.0, -drop)
+        posture[toe] = posture[ankle] + rest[toe] - rest[ankle]
+    return posture

@@ -19,6 +19,7 @@ from advercity.assets.vehicle_parts import (
     SPOKE_COUNT,
     build_round_tyre,
     build_spokes,
+    compute_rolling_transforms,
     make_vehicle_parts,
 )
 from advercity.geometry.arrays import Float64Array
@@ -183,7 +184,7 @@ class _BicycleGeometry:
             (BicycleBone.FRONT_WHEEL, self.front, _GEAR_RATIO),
             (BicycleBone.REAR_WHEEL, self.rear, _GEAR_RATIO),
         ):
-            transforms[:, bone - first] = _compute_rolling_transforms(hub, ratio * turns)
+            transforms[:, bone - first] = compute_rolling_transforms(hub, ratio * turns)
         return transforms
 
     def generate_surfaces(self) -> Iterator[tuple[TriangleSurface, int, str]]:
@@ -249,16 +250,6 @@ class _BicycleGeometry:
             yield arm, BicycleBone.CRANKS, "metal"
             edge = xyz(0.05, 0.042, 0.012)
             yield box(pedal - edge, pedal + edge), bone, "black_plastic"
-
-
-def _compute_rolling_transforms(hub: Float64Array, turns: Float64Array) -> Float64Array:
-    """Compute transforms (n, 3, 4) of a wheel rolling forward about its hub (3,) by turns (n,)."""
-    angle = 2 * np.pi * turns
-    cosine, sine = np.cos(angle), np.sin(angle)
-    zero, one = np.zeros_like(angle), np.ones_like(angle)
-    rows = [cosine, zero, sine, zero, one, zero, -sine, zero, cosine]
-    turn = np.stack(rows, axis=-1).reshape(-1, 3, 3)
-    return np.concatenate([turn, (hub - turn @ hub)[..., None]], axis=-1)
 
 
 def build_motorcycle(blueprint_id: str, size: Size) -> Body:

@@ -113,6 +113,16 @@ def build_spokes(hub: Float64Array, radius_m: float) -> list[TriangleSurface]:
     return [axle, *(tube([hub - arm, hub + arm], 0.006, sides=3) for arm in arms)]
 
 
+def compute_rolling_transforms(hub: Float64Array, turns: Float64Array) -> Float64Array:
+    """Compute transforms (n, 3, 4) of a wheel rolling forward about its hub (3,) by turns (n,)."""
+    angle = 2 * np.pi * turns
+    cosine, sine = np.cos(angle), np.sin(angle)
+    zero, one = np.zeros_like(angle), np.ones_like(angle)
+    rows = [cosine, zero, sine, zero, one, zero, -sine, zero, cosine]
+    turn = np.stack(rows, axis=-1).reshape(-1, 3, 3)
+    return np.concatenate([turn, (hub - turn @ hub)[..., None]], axis=-1)
+
+
 def add_indicators(parts: Sequence[Mesh]) -> tuple[Mesh, ...]:
     """Give a vehicle an indicator at each corner.
 

@@ -74,7 +74,7 @@ def load_frame_truth(
                 found[number] = (to_box(pose, size), str(annotated.classes[row]))
     own = spec.ego.number
     blueprint = spec.blueprints[str(spec.ego.blueprint)]
-    size = np.array([blueprint.length_m, blueprint.width_m, blueprint.height_m])
+    size = np.array(blueprint.size)
     centre = poses.pose_matrix((0.0, 0.0, blueprint.height_m / 2))
     # Of no class, whatever others annotate it as: it does not count.
     found[own] = (to_box(lidar_from_world @ ego.world_from_agent @ centre, size), "")

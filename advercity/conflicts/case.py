@@ -123,7 +123,11 @@ class ParticipantSampler:
         return self._draw_from(names, self._create_generator(*key))
 
     def _list_blueprints(self, actor_class: ActorClass) -> list[str]:
-        return [name for name, item in self.blueprints.items() if item.actor_class == actor_class]
+        return [
+            name
+            for name, item in self.blueprints.items()
+            if item.actor_class == actor_class and item.fraction is None
+        ]
 
     def _draw_from(self, names: Sequence[str], draw: np.random.Generator) -> RoadUser:
         name = names[int(draw.integers(len(names)))]

@@ -243,7 +243,7 @@ class _Scheduler:
 
     def _get_size(self, actor: StagedActor) -> tuple[float, float, float]:
         blueprint = self.spec.blueprints[actor.blueprint]
-        return blueprint.length_m, blueprint.width_m, blueprint.height_m
+        return blueprint.size
 
     def _build_track(
         self,

@@ -89,9 +89,8 @@ def _build_frame(name: str, blueprint: Blueprint) -> Frame:
     paint = CONNECTED_PAINT
     if blueprint.actor_class == "pedestrian":
         paint = draw_paint(blueprint.actor_class, name)
-    size = (blueprint.length_m, blueprint.width_m, blueprint.height_m)
     lamps = Lamp(0) if blueprint.actor_class == "pedestrian" else ALL_LAMPS
-    actor = Actor(BLINKING_ACTOR_ID, blueprint.actor_class, name, paint, size)
+    actor = Actor(BLINKING_ACTOR_ID, blueprint.actor_class, name, paint, blueprint.size)
     state = ActorState(actor, np.eye(4), 0.0, 0.0, lamps, steering_rad=STEERING_RAD)
     return Frame(index=0, time_s=0.0, states=(state,), signals={})
 

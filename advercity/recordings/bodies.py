@@ -31,7 +31,7 @@ def select_blueprint(
     misfits = {
         name: compute_misfit(blueprint, size)
         for name, blueprint in blueprints.items()
-        if blueprint.actor_class == actor_class
+        if blueprint.actor_class == actor_class and blueprint.fraction is None
     }
     if not misfits:
         known = sorted({blueprint.actor_class for blueprint in blueprints.values()})
@@ -48,5 +48,5 @@ def select_blueprint(
 
 def compute_misfit(blueprint: Blueprint, size: tuple[float, float, float]) -> float:
     """Sum the differences in metres between a blueprint and a size, where that is known."""
-    own = blueprint.length_m, blueprint.width_m, blueprint.height_m
-    return sum(abs(have - want) for have, want in zip(own, size, strict=True) if want > 0)
+    pairs = zip(blueprint.size, size, strict=True)
+    return sum(abs(have - want) for have, want in pairs if want > 0)

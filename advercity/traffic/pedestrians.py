@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from advercity_dsl import Spec
+from advercity_dsl import Blueprint, Spec
 
 from advercity.frames import Actor
 from advercity.randomness import create_generator
@@ -62,7 +62,9 @@ def draw_pedestrian_trips(
         )
     )
     create_generator(spec.seeds.traffic, "walker places").shuffle(starts)
-    people = [name for name, item in spec.blueprints.items() if item.actor_class == "pedestrian"]
+    people = {
+        name: item for name, item in spec.blueprints.items() if item.actor_class == "pedestrian"
+    }
     if not people:
         return ()
     adjacent = {
@@ -79,7 +81,7 @@ def _draw_trip(
     spec: Spec,
     graph: LaneGraph,
     adjacent: Mapping[bool, AdjacentSidewalks],
-    people: list[str],
+    people: Mapping[str, Blueprint],
     number: int,
     redraws: int,
     starts: Sequence[tuple[SumoLane, float]],
@@ -87,7 +89,10 @@ def _draw_trip(
 ) -> PedestrianTrip:
     draw = create_generator(spec.seeds.traffic, "walker", number, *([redraws] if redraws else []))
     lane, start_m = starts[int(draw.integers(len(starts)))] if redraws else start
-    name = people[draw.integers(len(people))]
+    # Who has no fraction is drawn first and for everyone, so that fractions move nobody else.
+    usual = [name for name, item in people.items() if item.fraction is None] or list(people)
+    name = usual[draw.integers(len(usual))]
+    name = _draw_by_fraction(spec.seeds.traffic, number, people) or name
     paint = draw_paint("pedestrian", spec.seeds.traffic, number)
     crosses = bool(draw.random() < spec.demand.crossing_share)
     speed = float(draw.uniform(MIN_WALKING_SPEED_M_S, MAX_WALKING_SPEED_M_S))
@@ -99,6 +104,16 @@ def _draw_trip(
         legs=tuple(_draw_legs(graph, adjacent[crosses], lane.edge, start_m, distance, draw)),
         speed_m_s=speed,
     )
+
+
+def _draw_by_fraction(seed: int, number: int, people: Mapping[str, Blueprint]) -> str | None:
+    """Draw a blueprint by its fraction; None for who is of one without."""
+    level = create_generator(seed, "walker fraction", number).random()
+    for name, blueprint in people.items():
+        level -= blueprint.fraction or 0.0
+        if level < 0.0:
+            return name
+    return None
 
 
 def _draw_legs(

@@ -50,6 +50,19 @@ class PedestrianAppearance(CompactModel):
     """Colour of the bag and of a hat; a hood has the colour of the top."""
     umbrella: ClothColour | None = None
     """Colour of an umbrella that may be opened in rain; `null` for none."""
+    attachment: Literal["none", "pram", "dog", "wheelchair", "pushed_wheelchair"] = "none"
+    """What moves with the person, in the same box: a pram before it, a dog on a leash at its right,
+    the wheelchair that it sits in, or one with another person that it pushes. Cloth of prams and
+    wheelchairs has the colour of the bag."""
+
+    @model_validator(mode="after")
+    def _check_hands(self) -> Self:
+        if self.attachment != "none" and (self.umbrella is not None or self.bag == "case"):
+            raise ValueError(
+                f"hands that are busy with `attachment: {self.attachment}` hold neither an umbrella"
+                " nor a case"
+            )
+        return self
 
 
 class PersonShape(CompactModel):
@@ -71,6 +84,10 @@ class PersonShape(CompactModel):
         Count, Field(ge=0, le=20), RangeReason("every body of a blueprint takes memory")
     ] = 4
     """Number of further people in boxes of the same size, of drawn shapes and looks."""
+
+
+SEATED_HEIGHT_RATIO = 0.8
+"""Height of a person in a wheelchair as a ratio of that of the same person standing."""
 
 
 PaintColour = Literal[
@@ -211,8 +228,16 @@ class Blueprint(CompactModel):
     """Light sources of its headlamps; without them, `lamps.led` of the weather has the fraction."""
     looks: PedestrianAppearance | None = None
     """Appearance of a pedestrian; derived from the blueprint's id if not given."""
+    fraction: Annotated[Fraction, Field(gt=0)] | None = None
+    """Fraction of a road's drawn pedestrians who are of it; the others are of blueprints without
+    a fraction, as many of each. Staged and recorded pedestrians are never of it."""
     model: BodyModel | None = None
     """A 3-D model; without it, the body is generated."""
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """Length, width and height of its box in metres."""
+        return self.length_m, self.width_m, self.height_m
 
     @property
     def person(self) -> PersonShape | None:
@@ -224,7 +249,19 @@ class Blueprint(CompactModel):
         """Length, width and height in metres to which its model is scaled."""
         # A rider sits on top of the machine, whose model is therefore lower than the box.
         ridden = self.model.ridden if self.model else None
-        return self.length_m, self.width_m, ridden.machine_height_m if ridden else self.height_m
+        return self.length_m, self.width_m, ridden.machine_height_m if ridden else self.stature_m
+
+    @property
+    def stature_m(self) -> float:
+        """Height of its pedestrian standing up, in metres; of others that of the box."""
+        is_seated = self.looks is not None and self.looks.attachment == "wheelchair"
+        return round(self.height_m / SEATED_HEIGHT_RATIO, 3) if is_seated else self.height_m
+
+    @model_validator(mode="after")
+    def _check_fraction(self) -> Self:
+        if self.fraction is not None and self.actor_class != "pedestrian":
+            raise ValueError(f"`fraction` is for pedestrians, not for a {self.actor_class}")
+        return self
 
 
 class Catalogue(Declaration):
@@ -235,3 +272,10 @@ class Catalogue(Declaration):
     """Blueprint of every connected vehicle."""
     blueprints: Annotated[ByName[Blueprint], Field(min_length=1)]
     """Blueprints of the background traffic."""
+
+    @model_validator(mode="after")
+    def _check_fractions(self) -> Self:
+        total = sum(item.fraction or 0.0 for item in self.blueprints.values())
+        if total > 1.0:
+            raise ValueError(f"fractions of pedestrians add up to {total:g}; make it 1 or less")
+        return self

@@ -22,6 +22,7 @@ from advercity.assets.body_pose import compute_body_pose
 from advercity.assets.downloads import AssetPackage
 from advercity.assets.model_store import ModelStore
 from advercity.assets.people.shapes import list_target_names
+from advercity.assets.rigged_bodies import pose_body
 from advercity.compiler import load_library
 from advercity.dataset.attribution import LICENCE_URLS
 from advercity.errors import InputError, RunError
@@ -90,6 +91,8 @@ class Mannequin:
         self.lines.append(f"g {group}")
         self.lines += [f"f {rows[a]}/1 {rows[b]}/1 {rows[c]}/1" for a, b, c in triangles.tolist()]
         self.weights.setdefault(bone, []).extend((row - 1, 1.0) for row in rows)
+        if bone == "foot.L":  # as the package has traces of the other foot
+            self.weights.setdefault("foot.R", []).extend((row - 1, 1e-4) for row in rows[-4:])
 
     def add_limbs(self, group: str, limbs: list[tuple[str, Point, Point, float]]) -> None:
         for bone, start, end, radius in limbs:
@@ -255,6 +258,17 @@ def test_feet_keep_their_place_on_the_ground(body: Body):
             slipped_m.append(float(np.linalg.norm((after - before)[lowest, :2])))
     assert len(slipped_m) > 20
     assert np.median(slipped_m) < 0.001
+
+
+def test_no_shoe_is_stretched_to_the_other(body: Body):
+    rest, *walking = (
+        next(part for part in pose_body(body, pose) if part.material == "leather")
+        for pose in (None, *range(16))
+    )
+    edges = rest.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    for shoes in (rest, *walking):
+        lengths_m = np.linalg.norm(np.diff(shoes.vertices[edges], axis=1)[:, 0], axis=1)
+        assert lengths_m.max() < 0.15
 
 
 @pytest.mark.parametrize("figure", [0, 1])

@@ -1,5 +1,6 @@
 """Traffic on the shipped roads: it starts where it should, moves as it can, and ends."""
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -357,6 +358,26 @@ def test_no_vehicle_enters_where_no_street_leads_in(
 
     assert 0 < len(rides) < len(draw_demand(spec, graph).vehicles) == spec.demand.vehicles
     assert all(ride.depart_s == 0 for ride in rides)
+
+
+def test_blueprints_with_a_fraction_have_it_and_change_nobody_else(
+    specs: dict[str, Spec], networks: dict[str, Path]
+):
+    spec, graph = specs["ui_clear_day_dense"], read_lane_graph(networks["ui"])
+    usual = {name: one for name, one in spec.blueprints.items() if one.fraction is None}
+    counts = Counter[str]()
+    for seed in range(6):
+        seeded = spec.model_copy(update={"seeds": spec.seeds.model_copy(update={"traffic": seed})})
+        without = draw_demand(seeded.model_copy(update={"blueprints": usual}), graph).walkers
+        for one, other in zip(draw_demand(seeded, graph).walkers, without, strict=True):
+            counts[one.actor.blueprint] += 1
+            has_fraction = one.actor.blueprint not in usual
+            assert has_fraction or one == other
+            assert (one.edge, one.start_m, one.legs) == (other.edge, other.start_m, other.legs)
+    assert counts.total() > 700
+    for name, blueprint in spec.blueprints.items():
+        if blueprint.fraction is not None:
+            assert counts[name] / counts.total() == pytest.approx(blueprint.fraction, abs=0.02)
 
 
 def test_traffic_that_has_no_room_on_the_lanes_is_refused_before_it_is_drawn(

@@ -66,6 +66,7 @@ def _draw_looks(
     bottoms = ["trousers", "trousers", "trousers", "shorts" if is_child else "trousers"]
     is_old = person.age_years > _GREY_FROM_YEARS
     colours = ("grey",) if is_old else _HAIR_COLOURS[person.ancestry]
+    is_seated = declared.attachment == "wheelchair"
     return PedestrianAppearance(
         top=draw.choice(["jacket", "jacket", "shirt", "shirt" if is_child else "coat"]),
         bottom=draw.choice([*bottoms, "skirt" if person.sex == "female" else "shorts"]),
@@ -73,7 +74,10 @@ def _draw_looks(
         hair=draw.choice(_HAIRCUTS["child" if is_child else person.sex]),
         hair_colour=draw.choice(colours),
         skin=draw.choice(_SKINS[person.ancestry]),
-        bag=draw.choice(["none", "none", "none", "backpack", "shoulder_bag"]),
+        bag=draw.choice(
+            ["none", "none", "none", "backpack", "shoulder_bag"][: 3 if is_seated else 5]
+        ),
         bag_colour=draw.choice(_BAG_COLOURS),
         umbrella=draw.choice(["black", "dark", "blue", "red"]) if declared.umbrella else None,
+        attachment=declared.attachment,
     )

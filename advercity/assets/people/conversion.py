@@ -32,7 +32,7 @@ from advercity.assets.skeleton import (
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import xyz
 
-PEOPLE_VERSION = 1
+PEOPLE_VERSION = 2
 """Part of the key of converted files; raise it when conversion changes."""
 _JOINTS = {
     Joint.PELVIS: "pelvis",
@@ -206,7 +206,9 @@ def _shape_shoes(shoes: Shell, posture: Float64Array, height_m: float) -> Shell:
     vertices, weights = shoes.vertices.copy(), shoes.weights.copy()
     for left in (1, -1):
         ankle = posture[joint_on_side(Joint.ANKLE, left)]
-        weight = shoes.weights[:, bone_on_side(Bone.FOOT, left)]
+        # Weights of the base mesh have traces of the other foot, which would pull at this one.
+        is_here = left * shoes.vertices[:, 1] > 0.0
+        weight = np.where(is_here, shoes.weights[:, bone_on_side(Bone.FOOT, left)], 0.0)
         ahead, z = vertices[:, 0] - ankle[0], vertices[:, 2]
         ahead = _fit_ahead(ahead, ahead[weight > 0.5], height_m)
         low, top = z[weight > 0.5].min(), ankle[2] + 0.02 * height_m
