@@ -204,8 +204,8 @@ def _load_digests() -> set[str]:
 def _record_digests(digests: Iterable[str]) -> None:
     """Add checksums to the record; without a writable data folder, files are not replaceable."""
     new = sorted(set(digests) - _load_digests())
-    path = find_data_folder() / RECORD_FILE
-    with suppress(OSError):
+    with suppress(OSError, InputError):
+        path = find_data_folder() / RECORD_FILE
         path.parent.mkdir(parents=True, exist_ok=True)
         # In one call, so that lines of several processes do not mix.
         with open(path, "ab", buffering=0, opener=open_without_links) as stream:

@@ -282,7 +282,7 @@ def _map_roads_to_splits(roads: Mapping[str, Sequence[str]]) -> dict[str, str]:
     names = [road for chosen in roads.values() for road in chosen]
     twice = sorted({road for road in names if names.count(road) > 1})
     if twice:
-        raise InputError(f"road '{twice[0]}' is in two splits; leave it in one")
+        raise InputError(f"road '{twice[0]}' is named twice; leave it in one split, once")
     return {road: name for name, chosen in roads.items() for road in chosen}
 
 

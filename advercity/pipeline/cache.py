@@ -12,16 +12,22 @@ from typing import Any
 
 from advercity_dsl import Spec
 
+from advercity.data_folder import report_missing_home
 from advercity.dataset.manifest import CODE_PACKAGES
 from advercity.digests import compute_json_digest, compute_source_digest
 
 
 def find_cache_folder() -> Path:
-    """Find the cache: `$ADVERCITY_CACHE`, else `advercity` in the user's cache folder."""
+    """Find the cache: `$ADVERCITY_CACHE`, else `advercity` in the user's cache folder.
+
+    Raises:
+        InputError: The user has no home folder.
+    """
     chosen = os.environ.get("ADVERCITY_CACHE")
     if chosen:
         return Path(chosen)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "advercity"
+    with report_missing_home():
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "advercity"
 
 
 def compute_road_key(spec: Spec) -> str:

@@ -29,10 +29,11 @@ _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
 _UINT3, _FLOAT3, _FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9134
 _ROBUST, _COHERENT = 1 << 2, 1 << 16
 _EVERY_FEATURE = 0xFFFFFFFF
+_LOW_QUALITY = 0
 
 _RAYS_PER_PACKET, _FIELDS_PER_RAY = 16, 21
 """Layout of RTCRayHit16: rays per packet, and 4-byte fields per ray."""
-_ORIGIN, _DIRECTION, _HIT = slice(0, 3), slice(4, 7), slice(17, 20)
+_ORIGIN, _DIRECTION, _NORMAL, _HIT = slice(0, 3), slice(4, 7), slice(12, 15), slice(17, 20)
 _TIME, _FAR, _MASK, _PRIMITIVE_ID, _INSTANCE_ID = 7, 8, 9, 17, 19
 _ALIGNMENT_BYTES = 64
 _PACKETS_PER_BATCH = 512
@@ -47,17 +48,24 @@ class EmbreeHits:
         instance: (n,) int32 row of the mesh in the scene; -1 for a miss.
         triangle: (n,) int32 row of the triangle in that mesh; -1 for a miss.
         range_m: (n,) float32; the maximum range for a miss.
+        normal: (n, 3) float32 of the triangle in its mesh's frame, of any length; zeros for a miss.
     """
 
     instance: NDArray[np.int32]
     triangle: NDArray[np.int32]
     range_m: FloatArray
+    normal: FloatArray
 
 
 class EmbreeMesh:
-    """The triangles of some meshes in sequence, in their own frame, ready for instances."""
+    """The triangles of some meshes in sequence, in their own frame, ready for instances.
 
-    def __init__(self, meshes: Sequence[Mesh]) -> None:
+    Args:
+        meshes: The meshes.
+        short_lived: It is for one frame: it is built in half the time, and rays take longer.
+    """
+
+    def __init__(self, meshes: Sequence[Mesh], *, short_lived: bool = False) -> None:
         starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
         triangles = [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
         embree, geometry = _load_embree(), _new_geometry(_GEOMETRY_TRIANGLE)
@@ -67,6 +75,9 @@ class EmbreeMesh:
         corners = np.concatenate([np.zeros((0, 3), np.int32), *triangles]).astype(np.uint32)
         _copy_buffer(geometry, _BUFFER_INDEX, _UINT3, corners)
         self.scene = _new_scene(self)
+        if short_lived:
+            embree.rtcSetSceneBuildQuality(self.scene, _LOW_QUALITY)
+            embree.rtcSetGeometryBuildQuality(geometry, _LOW_QUALITY)
         _attach(self.scene, geometry)
         embree.rtcCommitScene(self.scene)
         _raise_on_error()
@@ -137,6 +148,7 @@ class EmbreeScene:
             instance=np.empty(count, np.int32),
             triangle=np.empty(count, np.int32),
             range_m=np.empty(count, np.float32),
+            normal=np.empty((3, count), np.float32).T,  # columns are faster to fill than rows
         )
         rows = np.arange(count) if ray_order is None else ray_order
         floats, integers = self._packets.floats, self._packets.integers
@@ -152,11 +164,14 @@ class EmbreeScene:
                 times = time_fraction.take(lanes)
                 floats[:packets, _TIME] = times.reshape(-1, _RAYS_PER_PACKET)
             floats[:packets, _FAR] = max_range_m
+            floats[:packets, _NORMAL] = 0.0
             integers[:packets, _HIT] = -1
             self._packets.cast(self._scene, packets)
             hits.instance[some] = integers[:packets, _INSTANCE_ID].reshape(-1)[: len(some)]
             hits.triangle[some] = integers[:packets, _PRIMITIVE_ID].reshape(-1)[: len(some)]
             hits.range_m[some] = floats[:packets, _FAR].reshape(-1)[: len(some)]
+            for axis, values in enumerate(floats[:packets, _NORMAL].swapaxes(0, 1)):
+                hits.normal[some, axis] = values.reshape(-1)[: len(some)]
         return hits
 
 
@@ -225,6 +240,8 @@ def _load_embree() -> Any:
         ("rtcGetDeviceError", c_uint, c_void_p),
         ("rtcNewScene", c_void_p, c_void_p),
         ("rtcSetSceneFlags", None, c_void_p, c_uint),
+        ("rtcSetSceneBuildQuality", None, c_void_p, c_uint),
+        ("rtcSetGeometryBuildQuality", None, c_void_p, c_uint),
         ("rtcNewGeometry", c_void_p, c_void_p, c_uint),
         ("rtcGetGeometry", c_void_p, c_void_p, c_uint),
         ("rtcAttachGeometry", c_uint, c_void_p, c_void_p),

@@ -127,7 +127,7 @@ class Raycaster:
         # A miss has -1 for instance and triangle, which wraps to the last row of each table.
         triangle = placed.first_triangle.take(found.instance, mode="wrap") + found.triangle
         found.range_m[triangle < 0] = np.inf
-        normal = table.normal.take(triangle, axis=0, mode="wrap")
+        normal = _normalise(found.normal)
         material = table.material.take(triangle, mode="wrap")
         # Instance 0 is the static world, whose normals are in the world frame already.
         moving = np.flatnonzero(found.instance > 0)
@@ -171,7 +171,9 @@ class Raycaster:
 
     def _get_shape_mesh(self, shape: BodyShape) -> "_RegisteredMesh":
         if shape not in self._shapes:
-            self._shapes[shape] = self._register_meshes(shape.build_meshes(self._bodies))
+            meshes = shape.build_meshes(self._bodies)
+            is_pose = shape.pose_index is not None
+            self._shapes[shape] = self._register_meshes(meshes, short_lived=is_pose)
         return self._shapes[shape]
 
     def _free_poses(self, used: Set[BodyShape]) -> None:
@@ -181,9 +183,12 @@ class Raycaster:
                 freed = self._shapes.pop(shape)
                 self._triangles.remove(freed.first_triangle, freed.num_triangles)
 
-    def _register_meshes(self, meshes: Sequence[Mesh]) -> "_RegisteredMesh":
+    def _register_meshes(
+        self, meshes: Sequence[Mesh], *, short_lived: bool = False
+    ) -> "_RegisteredMesh":
         num_triangles = sum(len(mesh.triangles) for mesh in meshes)
-        return _RegisteredMesh(EmbreeMesh(meshes), self._triangles.add(meshes), num_triangles)
+        mesh = EmbreeMesh(meshes, short_lived=short_lived)
+        return _RegisteredMesh(mesh, self._triangles.add(meshes), num_triangles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +237,7 @@ class _PlacedFrame:
 
 
 class _TriangleTable:
-    """Normal, material and semantic class of all triangles; the last row of each is for misses.
+    """Material and semantic class of all triangles; the last row of each is for misses.
 
     Arrays have spare rows, because shapes are registered while frames are cast. Rows of removed
     triangles are used for the next of the same number: those of another pose of the same body.
@@ -241,7 +246,6 @@ class _TriangleTable:
     def __init__(self) -> None:
         self._count = 0
         self._free_rows: defaultdict[int, list[int]] = defaultdict(list)
-        self.normal: FloatArray = np.zeros((1, 3), np.float32)
         self.material: NDArray[np.int16] = np.zeros(1, np.int16)
         self.semantic: NDArray[np.uint8] = np.zeros(1, np.uint8)
 
@@ -253,7 +257,6 @@ class _TriangleTable:
         if meshes:
             new = slice(first, first + num_triangles)
             materials = [_find_material_index(mesh.material) for mesh in meshes]
-            self.normal[new] = np.concatenate([_compute_triangle_normals(mesh) for mesh in meshes])
             self.material[new] = np.repeat(materials, counts)
             self.semantic[new] = np.repeat([int(mesh.semantic) for mesh in meshes], counts)
         return first
@@ -269,18 +272,16 @@ class _TriangleTable:
         first, self._count = self._count, self._count + count
         if self._count >= len(self.material):
             room = self._count + self._count // 2 + 1 - len(self.material)
-            self.normal = np.pad(self.normal, ((0, room), (0, 0)))
             self.material = np.pad(self.material, (0, room))
             self.semantic = np.pad(self.semantic, (0, room))
         return first
 
 
-def _compute_triangle_normals(mesh: Mesh) -> FloatArray:
-    """Compute the unit normals (m, 3) of a mesh's triangles."""
-    a, b, c = (mesh.vertices[mesh.triangles[:, corner]].astype(np.float64) for corner in range(3))
-    normal = np.cross(b - a, c - a)
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    return (normal / np.where(length > 0.0, length, 1.0)).astype(np.float32)
+def _normalise(vectors: FloatArray) -> FloatArray:
+    """Scale vectors (n, 3) to unit length; zeros stay."""
+    x, y, z = vectors.T
+    length = np.sqrt(x * x + y * y + z * z)
+    return vectors / np.where(length > 0.0, length, 1.0)[:, None]
 
 
 def _find_material_index(material: str) -> int:

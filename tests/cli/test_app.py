@@ -337,6 +337,23 @@ def test_doctor_names_the_backend_that_is_missing(
     assert "`make setup MITSUBA=1`" in line
 
 
+def test_without_a_home_what_needs_none_works_and_the_rest_says_what_to_set(
+    advercity: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def find_none(*_: object, **__: object) -> Path:
+        raise RuntimeError("Could not determine home directory.")  # as for an unknown user
+
+    for name in ("ADVERCITY_CACHE", "ADVERCITY_DATA", "XDG_CACHE_HOME", "HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("platformdirs.user_data_path", find_none)
+    monkeypatch.setattr(Path, "home", find_none)
+    for command in (["cache", "show"], ["assets", "list"], ["doctor"]):
+        code, _, err = advercity(*command)
+        assert (code, err.count("\n")) == (2, 1)
+        assert "no home folder; set HOME, or ADVERCITY_CACHE and ADVERCITY_DATA" in err
+    assert advercity("new", "weather", "mine", "--output", tmp_path).code == 0
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_to_end_is_named_and_leaves_no_partial_file(
     advercity: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, number: signal.Signals

@@ -401,7 +401,7 @@ def test_a_failed_scenario_whose_manifest_is_lost_is_reported(
     ("roads", "message"),
     [
         ({"train": ["rcnj"]}, "road 'ui' is in no split"),
-        ({"train": ["ui", "rcnj"], "test": ["ui"]}, "road 'ui' is in two splits"),
+        ({"train": ["ui", "rcnj"], "test": ["ui"]}, "road 'ui' is named twice"),
     ],
 )
 def test_a_road_belongs_to_one_split(
