@@ -399,4 +399,11 @@ MATERIALS: dict[str, Material] = {
     "grass_blades_dull": Material(
         (0.16, 0.14, 0.07), 0.35, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES
     ),
+    # Straw and earth between it; seedlings of winter cereals, which leave half of the earth free.
+    "stubble": Material(
+        (0.33, 0.275, 0.14), 0.40, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.CROPS, maps="crops"
+    ),
+    "young_crops": Material(
+        (0.105, 0.125, 0.05), 0.38, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.CROPS, maps="crops"
+    ),
 }

@@ -3,7 +3,7 @@
     python docs/make_site_pictures.py [FOLDER [ROAD ...]]
 
 Four images per road: from the ego's front camera, from both roadside units and from 60 m above, on
-a clear day in sparse traffic.
+a clear day in sparse traffic. `rsnj_seasons` has three seasons one above the other, from the ego.
 """
 
 import argparse
@@ -14,6 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from advercity_dsl import Spec
+from advercity_dsl.road import Season
 from numpy.typing import NDArray
 
 from advercity.compiler.crossing import compile_library
@@ -29,6 +30,9 @@ WIDTH_PX, HEIGHT_PX = 960, 540
 MAX_BYTES = 120_000
 FRAMES = {"ui": 40, "unj": 45, "ri": 30, "rsnj": 50, "rcnj": 60}
 ABOVE_M = 60.0
+SEASONS_ROAD = "rsnj"
+SKY_PX = 180
+"""Rows of sky that pictures of seasons leave out."""
 
 
 def main() -> None:
@@ -42,6 +46,19 @@ def main() -> None:
     for road in options.roads:
         for name, image in render_views(specs[f"{road}_clear_day_sparse"], FRAMES[road]):
             (options.folder / f"{road}_{name}.jpg").write_bytes(encode_jpeg(image))
+    if SEASONS_ROAD in options.roads:
+        image = render_seasons(specs[f"{SEASONS_ROAD}_clear_day_sparse"], FRAMES[SEASONS_ROAD])
+        (options.folder / f"{SEASONS_ROAD}_seasons.jpg").write_bytes(encode_jpeg(image))
+
+
+def render_seasons(spec: Spec, index: int) -> NDArray[np.uint8]:
+    """Render what the ego's front camera sees in each season, as (h, w, 3) one above the other."""
+    images: list[NDArray[np.uint8]] = []
+    for season in Season:
+        road = spec.road.model_copy(update={"season": season})
+        views = dict(render_views(spec.model_copy(update={"road": road}), index))
+        images.append(views["ego"][SKY_PX:])
+    return np.concatenate(images)
 
 
 def render_views(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8]]]:

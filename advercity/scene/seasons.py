@@ -1,10 +1,10 @@
-"""What the season makes of plants: which leaves are left, and their colours.
+"""What the season makes of plants: which leaves are left, their colours, and what fields bear.
 
 The fractions are assumptions, as of late October and of January in Central Europe.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TypeVar
 
@@ -37,6 +37,22 @@ _SHRUB_LEAVES: Mapping[Season, LeafFractions] = {
     Season.WINTER: {"leaves_brown": 0.7},
 }
 """Fractions of hedges, shrubs and distant woods."""
+CROP_HEIGHT_M = 0.6
+
+
+@dataclass(frozen=True)
+class Crop:
+    """What stands on a field of crops: its material and its height in metres."""
+
+    material: str
+    height_m: float
+
+
+_LOW_CROPS: Mapping[Season, Crop] = {
+    Season.AUTUMN: Crop("stubble", 0.2),
+    Season.WINTER: Crop("young_crops", 0.13),
+}
+"""Fields after the harvest, and sown again."""
 _RECOLOURED: Mapping[Season, Mapping[str, str]] = {
     # The inside of a crown turns last.
     Season.AUTUMN: {},
@@ -47,6 +63,11 @@ _RECOLOURED: Mapping[Season, Mapping[str, str]] = {
     },
 }
 """Other materials of plants, and what they become."""
+
+
+def find_crop(season: Season, grown_m: float | None) -> Crop:
+    """Find what a field bears in a season; grown crops have the height declared, or a usual one."""
+    return _LOW_CROPS.get(season) or Crop("crops", grown_m or CROP_HEIGHT_M)
 
 
 def select_tree_leaves(

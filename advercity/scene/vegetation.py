@@ -20,13 +20,13 @@ from advercity.geometry.mesh import (
 from advercity.geometry.primitives import grid_sheet
 from advercity.randomness import create_generator
 from advercity.scene.foliage import build_foliage
+from advercity.scene.seasons import find_crop
 from advercity.scene.site import Rectangle, Site, StreetSide
 from advercity.scene.trees import Detail, build_tree
 from advercity.semantics import Semantic
 
 VERGE_M, TUFTS_PER_M, MAX_TUFTS = 4.0, 9.0, 40_000
 """Width of the strip along paved edges that has tufts of grass, and how many."""
-CROP_HEIGHT_M = 0.6
 CROP_CLEARANCE_M = 0.8
 STALKS_MAX_DISTANCE_M = 30.0
 """Distance from street axes within which crops have stalks; beyond, ridges look like plants."""
@@ -67,15 +67,17 @@ def build_crops(rows: Float64Array, height_m: float | None, site: Site, key: str
     """Build a field of plants: a ridged sheet over the ground, with stalks near streets.
 
     Points are (n, m, 2), n along the rows and m across; plants have a usual height without one.
+    The season decides what is left of them.
     """
-    height = height_m or CROP_HEIGHT_M
-    sheet, points, grown = _build_ridged_sheet(rows, height, site, create_generator("crops", key))
+    crop = find_crop(site.season, height_m)
+    draw = create_generator("crops", key)
+    sheet, points, grown = _build_ridged_sheet(rows, crop.height_m, site, draw)
     if sheet is None:
         return []
     tops = grown & (np.arange(rows.shape[1]) % 2 == 1)
     near = shapely.distance(site.street_axes, shapely.points(rows)) < STALKS_MAX_DISTANCE_M
-    stalks = _build_stalks(points[tops & near], height, key)
-    return [MeshPart(surface, "crops", _VEGETATION) for surface in (sheet, stalks)]
+    stalks = _build_stalks(points[tops & near], crop.height_m, key)
+    return [MeshPart(surface, crop.material, _VEGETATION) for surface in (sheet, stalks)]
 
 
 def build_tilled_field(rows: Float64Array, site: Site, key: str) -> list[MeshPart]:

@@ -93,6 +93,20 @@ def test_leaves_that_are_left_are_where_they_were():
         assert was[corners.tobytes()] == normals.tobytes()
 
 
+def test_crops_are_cut_in_autumn_and_sown_again_in_winter():
+    fields = beside("crops", offset_m=(6, 16), height_m=1.1)
+    heights_m: dict[str, float] = {}
+    for season in ("summer", "autumn", "winter"):
+        materials = in_season(season, fields)
+        (name,) = materials.keys() & {"crops", "stubble", "young_crops"}
+        points = np.concatenate([mesh.vertices for mesh in materials[name]])
+        heights_m[name] = float(np.ptp(points[:, 2]))
+        assert {mesh.semantic for mesh in materials[name]} == {Semantic.VEGETATION}
+    assert list(heights_m) == ["crops", "stubble", "young_crops"]
+    assert heights_m["crops"] > 0.8
+    assert 0.1 < heights_m["young_crops"] < heights_m["stubble"] < 0.7
+
+
 def test_grass_is_dull_in_winter_alone():
     corners = np.zeros((3, 3), dtype=np.float32)
     lawn = Mesh("lawn", corners, np.array([[0, 1, 2]], np.int32), "grass", Semantic.TERRAIN)

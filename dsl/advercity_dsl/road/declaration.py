@@ -307,7 +307,7 @@ class Road(Declaration):
     )
     """What is along every street apart from `surroundings`: buildings, trees, lamps and poles."""
     season: Season | None = Field(default=None, exclude_if=is_none)
-    """Leaves and colours of plants; by default those of summer."""
+    """Leaves and colours of plants, and what fields bear; by default those of summer."""
     agents: Annotated[
         dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]],
         Field(max_length=100),
