@@ -6,7 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from advercity_dsl import Road
-from advercity_dsl.road import FurnitureDensity, RoadsidePlacement, Surrounding, SurroundingKind
+from advercity_dsl.road import (
+    FurnitureDensity,
+    LampType,
+    RoadsidePlacement,
+    Surrounding,
+    SurroundingKind,
+)
 
 from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.road_network import build_road
@@ -34,6 +40,7 @@ class _Style:
     mast: SurroundingKind
     mast_spacing_m: float
     furniture: FurnitureDensity | None = None
+    lamp: LampType | None = None
 
 
 STYLES = {
@@ -60,8 +67,9 @@ STYLES = {
     "residential": _Style(
         ((SurroundingKind.HOUSES, (5.0, 7.0), None), (SurroundingKind.TREES, (2.4, 4.0), 17.0)),
         SurroundingKind.LAMP,
-        34.0,
+        26.0,
         FurnitureDensity(bench=0.5, bin=1, post_box=0.4, hydrant=0.8, cabinet=1),
+        "lantern",
     ),
     "industrial": _Style(
         (
@@ -143,4 +151,4 @@ def _iterate_masts(road: Road, style: _Style) -> Iterator[Surrounding]:
             free = points[~shapely.dwithin(paving, shapely.points(points), MAST_CLEARANCE_M)]
             if len(free) > 0:
                 at_m = tuple((float(east), float(north)) for east, north in free)
-                yield Surrounding(kind=style.mast, at_m=at_m)
+                yield Surrounding(kind=style.mast, at_m=at_m, lamp=style.lamp)

@@ -1,4 +1,4 @@
-"""Builds roadside objects: walls, fences, hedges, shelters, towers, poles, lamps, driveways."""
+"""Builds roadside objects: walls, fences, hedges, shelters, towers, poles, driveways."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -24,11 +24,9 @@ from advercity.geometry.mesh import (
 )
 from advercity.geometry.primitives import (
     box,
-    ellipsoid,
     grid_sheet,
     loft_rings,
     plate,
-    rectangles,
     tube,
 )
 from advercity.randomness import create_generator
@@ -36,13 +34,11 @@ from advercity.roads.road_meshes import KERB_HEIGHT_M
 from advercity.scene.foliage import HEDGE_LEAF_M, build_foliage
 from advercity.scene.site import Site, StreetSide, sample_ground_line
 from advercity.semantics import Semantic
-from advercity.world import StreetLamp
 
 WALL_HEIGHT_M, WALL_THICKNESS_M = 2.0, 0.4
 FENCE_HEIGHT_M, HEDGE_HEIGHT_M = 1.2, 1.4
-POLE_HEIGHT_M, LAMP_HEIGHT_M, TOWER_HEIGHT_M = 5.0, 8.0, 12.0
+POLE_HEIGHT_M, TOWER_HEIGHT_M = 5.0, 12.0
 LAMP_SPACING_M = 30.0
-_LAMP_ARM_M = 1.6
 _DRIVEWAY_STEP_M, _KERB_RAMP_M = 1.0, 0.7
 _WALL_PIECE_M, _FENCE_BAY_M, _HEDGE_STEP_M = 8.0, 2.6, 1.6
 _WATER_STEP_M, _WATER_RISE_M = 8.0, 0.08
@@ -249,29 +245,6 @@ def build_pole(at: Point2, height_m: float | None, site: Site) -> list[MeshPart]
     top = height_m or POLE_HEIGHT_M
     mast = tube([(0, 0, -0.3), (0, 0, top)], [0.09, 0.06])
     return _place_on_ground([(mast, "metal", Semantic.POLE)], at, site)
-
-
-def build_street_lamp(
-    at: Point2, height_m: float | None, site: Site
-) -> tuple[list[MeshPart], StreetLamp]:
-    """Build a street lamp with its arm towards the nearest street, and its light."""
-    top = height_m or LAMP_HEIGHT_M
-    end = (_LAMP_ARM_M - 0.3, 0, top + 0.05)
-    arm = [(0, 0, top - 0.45), (0.12, 0, top - 0.12), (0.5, 0, top), end]
-    mast = tube([(0, 0, -0.3), (0, 0, 1.0), (0, 0, top - 0.4)], [0.1, 0.085, 0.06])
-    head = ellipsoid((_LAMP_ARM_M, 0, top + 0.03), (0.38, 0.15, 0.08), sides=10, bands=5)
-    glass = rectangles([(_LAMP_ARM_M, 0, top - 0.06)], (0.24, 0, 0), (0, -0.09, 0))
-    parts = [
-        (mast, "metal", Semantic.POLE),
-        (tube(arm, 0.05, sides=6), "metal", Semantic.POLE),
-        (head, "metal", Semantic.POLE),
-        (glass, "lamp_white", Semantic.POLE),
-    ]
-    yaw = site.yaw_to_street(at)
-    x, y, z = site.project_to_ground([at])[0]
-    dx, dy = _LAMP_ARM_M * np.array([np.cos(yaw), np.sin(yaw)])
-    light = StreetLamp((float(x + dx), float(y + dy), float(z + top - 0.1)))
-    return _place_on_ground(parts, at, site), light
 
 
 def build_driveway(side: StreetSide, site: Site) -> list[MeshPart]:

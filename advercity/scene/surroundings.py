@@ -6,7 +6,7 @@ from itertools import chain
 import numpy as np
 import shapely
 from advercity_dsl import RoadsideUnit
-from advercity_dsl.road import Season, Surrounding, SurroundingKind
+from advercity_dsl.road import LampType, Season, Surrounding, SurroundingKind
 from advercity_dsl.units import KM_H_PER_M_S, Point2
 from shapely.geometry.base import BaseGeometry
 
@@ -26,6 +26,7 @@ from advercity.scene.site import (
     resolve_street_sides,
     space_points_along,
 )
+from advercity.scene.street_lamps import build_street_lamp, choose_lamp_type
 from advercity.scene.traffic_signs import build_sign, build_speed_sign
 from advercity.world import StreetLamp
 
@@ -110,7 +111,8 @@ def build_surroundings(
     for item in items:
         if item.kind is SurroundingKind.LAMP:
             for point in item.sample_points():
-                mast, light = roadside.build_street_lamp(point, item.height_m, site)
+                lamp_type = item.declaration.lamp or _choose_lamp_type(network, point)
+                mast, light = build_street_lamp(point, item.height_m, lamp_type, site)
                 parts += mast
                 lamps.append(light)
         elif item.kind in _FIELD_BUILDERS:
@@ -230,6 +232,18 @@ class _PlacedSurrounding:
                 end_m = 0.0 if self.kind in _SIGN_KINDS else side.length_m
                 ends = side.points_at([0.0, end_m], side.near_offset_m)
                 yield shapely.LineString(ends).buffer(SIGN_RADIUS_M)
+
+
+def _choose_lamp_type(network: RoadNetwork, point: Point2) -> LampType:
+    """Choose the type of the lamps of the street that is nearest to a point."""
+    here, streets = shapely.Point(point), network.streets.values()
+    limits_m_s = {
+        shapely.LineString(item.axis[:, :2]).distance(here): item.speed_limit_m_s
+        for item in streets
+    }
+    # An imported road has no streets: its land use decides.
+    limit_m_s = limits_m_s[min(limits_m_s)] if limits_m_s else 0.0
+    return choose_lamp_type(network.declaration.land_use, limit_m_s)
 
 
 def _build_buildings(

@@ -41,7 +41,7 @@ def test_a_style_sets_surroundings_beside_every_street(
 def test_lamps_alternate_between_the_sides_of_a_street_and_keep_off_its_ends(
     library: Path, tmp_path: Path
 ):
-    """Residential lamps are 34 m apart on each side; nothing is set within 8 m of the ends."""
+    """Residential lamps are 26 m apart on each side; nothing is set within 8 m of the ends."""
     road = compiled(library, tmp_path, {**CROSSROADS, "style": "residential"}).road
     lamps = shapely.points(
         [at for one in road.surroundings if one.kind == "lamp" for at in one.at_m]
@@ -56,7 +56,7 @@ def test_lamps_alternate_between_the_sides_of_a_street_and_keep_off_its_ends(
         assert centre.length - max(stations_m) > 8.0
         is_left = shapely.distance(own, centre.parallel_offset(5.0, "left")) < 5.0
         from_left_m = stations_m[~is_left] - stations_m[is_left].min()
-        assert from_left_m % 34.0 == pytest.approx(17.0, abs=0.2)
+        assert from_left_m % 26.0 == pytest.approx(13.0, abs=0.2)
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_lamps_alternate_between_the_sides_of_a_street_and_keep_off_its_ends(
         (
             "residential",
             "lamp",
-            34.0,
+            26.0,
             {"houses": ((5, 7), None), "trees": ((2.4, 4), 17)},
             {"bench": 0.5, "bin": 1, "post_box": 0.4, "hydrant": 0.8, "cabinet": 1},
         ),
@@ -110,6 +110,8 @@ def test_a_style_has_its_bands_masts_and_furniture(
     assert len(densities) == (4 if furniture else 0)
     for density in densities:
         assert {name: value for name, value in density if value} == furniture
+    types = {item.lamp for item in road.surroundings if item.kind == masts}
+    assert types == {"lantern" if style == "residential" else None}
     rows = [item.at_m for item in road.surroundings if item.kind == masts]
     for row in rows:
         gaps_m = np.linalg.norm(np.diff(np.array(row), axis=0), axis=1)

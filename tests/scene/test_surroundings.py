@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 from advercity_dsl import Road, RoadsideUnit
-from advercity_dsl.road import Surrounding, SurroundingKind
+from advercity_dsl.road import LampType, Surrounding, SurroundingKind
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
@@ -259,6 +259,43 @@ def test_street_lamps_extend_over_the_road_and_emit_light():
     for lamp in lamps:
         assert lamp.position[1] == pytest.approx(6 - 1.6)
         assert 7.5 < lamp.position[2] < 8.1
+
+
+@pytest.mark.parametrize(
+    ("lamp", "height_m", "arm_m"),
+    [("arm", 8.0, 1.6), ("lantern", 4.2, 0.2), ("wooden_pole", 8.0, 1.6), ("column", 12.0, 2.4)],
+)
+def test_the_light_of_every_type_of_lamp_is_below_its_head(
+    lamp: LampType, height_m: float, arm_m: float
+):
+    item = Surrounding(kind=SurroundingKind.LAMP, at_m=((0, 6),), lamp=lamp)
+    meshes, (light,), _ = build_surroundings(build_road(street(item)), level, PAVED)
+    assert light.position == pytest.approx((0.0, 6.0 - arm_m, height_m - 0.1))
+    glass = np.concatenate([mesh.vertices for mesh in meshes if mesh.material == "lamp_white"])
+    middle = (glass.min(axis=0) + glass.max(axis=0)) / 2
+    np.testing.assert_allclose(middle[:2], light.position[:2], atol=0.21)
+    assert glass[:, 2].min() > light.position[2]  # nothing of the lamp shades its light
+    assert abs(middle[2] - light.position[2]) < 0.35
+    assert height_m < points(meshes)[:, 2].max() < height_m + 0.8
+
+
+def test_lamps_are_of_the_type_of_their_place():
+    item = Surrounding(kind=SurroundingKind.LAMP, at_m=((0, 6),))
+    seen: dict[tuple[str, float], tuple[bool, float]] = {}
+    for land_use, limit_km_h in (("urban", 50), ("rural", 50), ("rural", 100)):
+        declared = street(item).model_dump(mode="json", exclude_none=True)
+        for one in declared["streets"].values():
+            one["speed_limit_km_h"] = limit_km_h
+        road = Road.model_validate(declared | {"land_use": land_use})
+        meshes, (light,), _ = build_surroundings(build_road(road), level, PAVED)
+        has_wood = "wood" in {mesh.material for mesh in meshes}
+        seen[land_use, limit_km_h] = has_wood, round(light.position[2], 1)
+    assert list(seen.values()) == [(False, 7.9), (True, 7.9), (False, 11.9)]
+
+
+def test_only_lamps_have_a_type_of_lamp():
+    with pytest.raises(ValidationError, match="only lamps have a type 'lamp'"):
+        Surrounding(kind=SurroundingKind.POLE, at_m=((0, 6),), lamp="lantern")
 
 
 def test_a_pole_and_a_tower_are_as_high_as_declared():

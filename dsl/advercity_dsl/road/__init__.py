@@ -39,6 +39,7 @@ from advercity_dsl.road.streets import (
 from advercity_dsl.road.surroundings import (
     BuildingUse,
     FurnitureDensity,
+    LampType,
     RoadsidePlacement,
     Roof,
     Season,
@@ -65,6 +66,7 @@ __all__ = [
     "FurnitureDensity",
     "Junction",
     "JunctionAgents",
+    "LampType",
     "LaneText",
     "MapFile",
     "MapNetwork",

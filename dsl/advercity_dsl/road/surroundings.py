@@ -186,6 +186,7 @@ _OUTLINED_KINDS = (
     SurroundingKind.PLATEAU,
 )
 """Kinds whose `line_m` is an outline."""
+LampType = Literal["arm", "lantern", "wooden_pole", "column"]
 Roof = Literal["flat", "gabled", "hipped"]
 BuildingUse = Literal["residential", "commercial", "industrial"]
 
@@ -234,6 +235,10 @@ class Surrounding(Model):
     """Which sign."""
     per_100_m: FurnitureDensity | None = Field(default=None, exclude_if=is_none)
     """How much street furniture."""
+    lamp: LampType | None = Field(default=None, exclude_if=is_none)
+    """Type of street lamps: a curved arm on a mast, a lantern on a post, a dish on a wooden pole,
+    or a high column. By default columns where the limit is 80 km/h or more, wooden poles in the
+    country and arms in towns."""
     seed: Count = Field(default=0, exclude_if=is_empty)
     """Seed of the random shapes of trees and buildings."""
 
@@ -260,6 +265,8 @@ class Surrounding(Model):
         if (self.kind is SurroundingKind.FURNITURE) != (self.per_100_m is not None):
             raise ValueError("furniture, and nothing else, has 'per_100_m'")
         self._check_area()
+        if self.lamp and self.kind is not SurroundingKind.LAMP:
+            raise ValueError("only lamps have a type 'lamp'")
         if self.species and self.kind is not SurroundingKind.TREES:
             raise ValueError("only trees have 'species'")
         if self.limit_km_h and self.kind is not SurroundingKind.SPEED_SIGN:
