@@ -1,15 +1,20 @@
 """The dark under and beside what is on the ground."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
+from advercity_sapien import SapienBackend
 from advercity_sapien.contact_map import ContactMap
 from advercity_sapien.light_probes import LightProbes, bake_light_probes
 
 from advercity.compiler import find_weather
 from advercity.geometry.mesh import Mesh
+from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import compute_atmosphere
+from advercity.physics.photometry import luminance
+from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import Semantic
 from advercity.testing import build_box, build_flat_world, make_actor_state, make_frame
@@ -24,6 +29,16 @@ def place(*static: Mesh) -> tuple[World, LightProbes]:
     world = replace(build_flat_world(*static), lanes=(lane,))
     air = compute_atmosphere(find_weather("soft_rain_day").declaration, "urban")
     return world, bake_light_probes(world, air)
+
+
+def seen_from_behind(world: World, renderer: Literal["raster", "ray_traced"]) -> CameraCapture:
+    """Picture on a clear day, from 9 m behind the origin and 3 m above it."""
+    air = compute_atmosphere(find_weather("clear_day").declaration, "urban")
+    profile = RenderProfile("test", 1.0, renderer, samples=64, path_depth=4)
+    with SapienBackend().open(world, air, profile) as opened:
+        opened.place(make_frame())
+        pose = pose_matrix((-9.0, 0.0, 3.0), pitch=0.18)
+        return opened.render_camera(CameraView(pose, 120, 80, np.radians(40.0)))
 
 
 def light_at(contact: ContactMap, probes: LightProbes, x: float, y: float) -> float:
@@ -51,6 +66,23 @@ def test_a_car_that_left_leaves_no_shadow() -> None:
     contact.place(make_frame(make_actor_state(1, 0.0)))
     contact.place(make_frame())
     assert light_at(contact, probes, 0.0, 0.0) == 1.0
+
+
+@pytest.mark.render
+def test_a_car_is_dark_by_its_own_contact_neither_on_its_roof_nor_on_its_sides() -> None:
+    """As in a traced picture, its roof mirrors the sky, and ground shines on its sides."""
+    body = build_box(
+        (4.0, 2.0, 1.1), (0.0, 0.0, 0.75), material="car_paint_black", semantic=Semantic.VEHICLE
+    )
+    world, _ = place(body)
+    found, expected = (seen_from_behind(world, kind) for kind in ("raster", "ray_traced"))
+    upright = expected.normal[..., 2]
+    is_body = expected.semantic == Semantic.VEHICLE
+    for where, tolerance in ((is_body & (upright > 0.9), 0.06), (is_body & (upright < 0.1), 0.12)):
+        light, true_light = (
+            float(luminance(one.radiance)[where].mean()) for one in (found, expected)
+        )
+        assert light == pytest.approx(true_light, rel=tolerance)
 
 
 @pytest.mark.parametrize(

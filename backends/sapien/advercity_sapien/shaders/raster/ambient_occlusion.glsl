@@ -9,17 +9,20 @@ vec3 viewPosition(vec2 uv, float depth) {
   return vec3(slope, -1.0) * depth;
 }
 
-float ambientOcclusion(vec2 uv, float depth, vec3 worldNormal, vec2 pixel) {
+float ambientOcclusion(vec2 uv, float depth, vec3 worldNormal, bool isLeaf, vec2 pixel) {
   const int TAPS = 8;
   const float RADIUS = 1.6, GOLDEN_ANGLE = 2.39996;  // metres; radians
   // Surfaces up to FLAT above the horizon do not count: they are the same one, slightly curved.
   const float FLAT = 0.12, STRENGTH = 3.2, DARKEST = 0.2;
+  // What is below hides the ground, whose light is as much its own; crowns hide it for long ways.
+  const float LEVEL = 0.2;
   const float WIDEST = 0.2, NARROWEST = 2.0;  // fraction of the image's height; pixels
   vec2 spread = 0.5 * RADIUS / depth
       * vec2(cameraBuffer.projectionMatrix[0][0], abs(cameraBuffer.projectionMatrix[1][1]));
   spread *= min(1.0, WIDEST / spread.y);
   ivec2 size = textureSize(samplerDepthEmission, 0);
   if (spread.y * float(pixelCount().y) < NARROWEST) return 1.0;
+  vec3 up = mat3(cameraBuffer.viewMatrix)[2];
   vec3 point = viewPosition(uv, depth), normal = mat3(cameraBuffer.viewMatrix) * worldNormal;
   float rotation = dither(pixel) * 2.0 * PI, hidden = 0.0;
   for (int i = 0; i < TAPS; ++i) {
@@ -33,7 +36,9 @@ float ambientOcclusion(vec2 uv, float depth, vec3 worldNormal, vec2 pixel) {
     vec3 offset = viewPosition((vec2(texel) + 0.5) / vec2(size), sampleDepth) - point;
     float far2 = dot(offset, offset);
     float above = dot(offset, normal) * inversesqrt(max(far2, 1e-8)) - FLAT;
-    hidden += max(above, 0.0) * max(1.0 - far2 / (RADIUS * RADIUS), 0.0);
+    float rise = isLeaf ? 1.0 : dot(offset, up) * inversesqrt(max(far2, 1e-8));
+    hidden += max(above, 0.0) * max(1.0 - far2 / (RADIUS * RADIUS), 0.0)
+        * smoothstep(-LEVEL, LEVEL, rise);
   }
   return max(1.0 - STRENGTH / float(TAPS) * hidden, DARKEST);
 }

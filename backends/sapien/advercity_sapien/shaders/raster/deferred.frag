@@ -149,7 +149,8 @@ void main() {
   vec3 ambient = s.albedo * coatTransmittance(s, cosine) * fromSky / PI
       * probeRatio(position, normal.xyz);
   // In the dark hardly any light is from the sky, so its occlusion is not worth the time.
-  float occlusion = isDark() ? 1.0 : ambientOcclusion(place, depth, normal.xyz, gl_FragCoord.xy);
+  float occlusion = isDark() ? 1.0
+      : ambientOcclusion(place, depth, normal.xyz, s.through > 0.0, gl_FragCoord.xy);
   outAmbient = vec4(ambient, occlusion);
   radiance += ambient * occlusion;
   vec3 mirrored = fresnelReflectance(s, roughCosine(s.alpha, cosine));

@@ -22,7 +22,8 @@ float mirrorsSky(vec3 position) {
   vec4 map = probeMapExtent();
   vec2 at = (position.xy - map.xy) * map.zw;
   if (any(lessThan(at, vec2(0.0))) || any(greaterThan(at, vec2(1.0)))) return 1.0;
-  return smoothstep(UNDER, OUTSIDE, textureLod(samplerContact, at, 0.0).r);
+  float height = position.z - probeTexel(samplerProbeLight, at, 0).a;
+  return smoothstep(UNDER, OUTSIDE, contactRatio(at, height));
 }
 
 // Ratio of the irradiance on a surface of normal n to that in the open.
@@ -30,6 +31,7 @@ vec3 probeRatio(vec3 position, vec3 n) {
   const float AWAY = 1.0;  // metres from the surface, so that probes behind it count little
   const float FADE = 0.04;  // fraction of the map, at its edges
   const float DARKEST = 0.05;
+  const float BESIDE = 0.35;  // part of the light on a body's side that comes from dark ground
   vec4 map = probeMapExtent();
   vec2 at = (position.xy + AWAY * n.xy - map.xy) * map.zw;
   vec2 inside = smoothstep(vec2(0.0), vec2(FADE), 0.5 - abs(at - 0.5));
@@ -46,6 +48,7 @@ vec3 probeRatio(vec3 position, vec3 n) {
       probeTexel(samplerProbeDirection, at, level + 1).xyz, part);
   light *= max(1.0 + 2.0 * dot(direction, n), DARKEST)
       / max(1.0 + 2.0 * dot(probeOpenDirection(), n), DARKEST);
-  light *= contactRatio((position.xy - map.xy) * map.zw, position.z - low.a);
+  light *= mix(1.0, contactRatio((position.xy - map.xy) * map.zw, position.z - low.a),
+      max(abs(n.z), BESIDE));
   return mix(vec3(1.0), light, inside.x * inside.y);
 }
