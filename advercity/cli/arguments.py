@@ -37,7 +37,9 @@ FramesOption = Annotated[
 ]
 JobsOption = Annotated[
     int | None,
-    typer.Option(min=1, help="Processes at a time (default: as many as suit the machine)."),
+    typer.Option(
+        min=1, max=1000, help="Processes at a time (default: as many as suit the machine)."
+    ),
 ]
 AllowMissingModelsOption = Annotated[
     bool,
@@ -66,10 +68,14 @@ def split_names(text: str) -> list[str]:
 
 def parse_frame_slice(text: str | None) -> slice:
     """Parse `A:B[:STEP]`, where A and B may be left out; None is every frame."""
+    from advercity.pipeline.options import check_frames
+
     if text is None:
         return slice(None)
     match = re.fullmatch(r"(\d*):(\d*)(?::(\d+))?", text)
     if match is None:
         raise InputError(f"--frames {text}: not a range; write A:B or A:B:STEP, as 0:30")
     first, last, step = (int(part) if part else None for part in match.groups())
-    return slice(first, last, step)
+    frames = slice(first, last, step)
+    check_frames(frames)
+    return frames

@@ -146,7 +146,7 @@ def export(
         )
     print_remark(
         f"{made.scenarios} scenario{'' if made.scenarios == 1 else 's'}, {made.frames} frames,"
-        f" {made.files} files, {format_byte_size(made.size_bytes)}"
+        f" {made.files} file{'' if made.files == 1 else 's'}, {format_byte_size(made.size_bytes)}"
     )
     print_data(str(made.output))
 

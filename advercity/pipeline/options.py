@@ -90,12 +90,17 @@ class RunOptions:
             raise InputError(f"`min_points` {self.min_points}: is below 0")
         if self.scale is not None and not MIN_SCALE <= self.scale <= MAX_SCALE:
             raise InputError(f"`scale` {self.scale:g}: is outside {MIN_SCALE:g} to {MAX_SCALE:g}")
-        first, last, step = self.frames.start or 0, self.frames.stop, self.frames.step
-        if first < 0 or (step is not None and step < 1) or (last is not None and last <= first):
-            raise InputError(
-                f"`frames` {format_frames(self.frames)}: holds no frame;"
-                " the end must be above the start, both counted from 0, and the step above 0"
-            )
+        check_frames(self.frames)
+
+
+def check_frames(frames: slice) -> None:
+    """Raise an InputError if a slice holds no frame of any scenario."""
+    first, last, step = frames.start or 0, frames.stop, frames.step
+    if first < 0 or (step is not None and step < 1) or (last is not None and last <= first):
+        raise InputError(
+            f"`frames` {format_frames(frames)}: holds no frame;"
+            " the end must be above the start, both counted from 0, and the step above 0"
+        )
 
 
 def format_frames(frames: slice) -> str:

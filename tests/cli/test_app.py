@@ -72,6 +72,25 @@ def test_a_bad_option_is_reported_and_leaves_nothing(
     assert not output.exists()
 
 
+def test_more_processes_than_any_machine_has_are_refused(
+    advercity: Command, spec_file: Path, tmp_path: Path
+) -> None:
+    ran = advercity("run", spec_file, "--output", tmp_path / "output", "--jobs", "9" * 20)
+    assert ran.code == 2
+    assert "Invalid value for '--jobs': Input should be less than or equal to 1000" in ran.err
+    assert not (tmp_path / "output").exists()
+
+
+@pytest.mark.parametrize("command", ["evaluate none.jsonl", "degradation"])
+def test_frames_of_a_benchmark_are_checked_as_those_of_a_run(
+    advercity: Command, two_roads: Path, tmp_path: Path, command: str
+) -> None:
+    words = ("benchmark", *command.split(), two_roads, "--output", tmp_path / "o")
+    ran = advercity(*words, "--frames", "::0")
+    assert ran.code == 2
+    assert "step above 0" in ran.err
+
+
 def test_a_truncated_spec_is_reported_and_leaves_nothing(
     advercity: Command, spec_file: Path, tmp_path: Path
 ) -> None:
