@@ -77,6 +77,8 @@ def _find_low_things(
     raycaster = Raycaster(world)
     below = raycaster.cast(Rays(origins, down), 2.0 * CLEARANCE_M)
     above = raycaster.cast(Rays(origins, -down), CLEARANCE_M)
-    is_low = np.isfinite(below.range_m) & ~np.isin(below.semantic, GROUND_CLASSES)
+    # Low plants cover whole fields, and are lit as ground is.
+    lit = (*GROUND_CLASSES, Semantic.VEGETATION)
+    is_low = np.isfinite(below.range_m) & ~np.isin(below.semantic, lit)
     is_low |= np.isfinite(above.range_m) & (above.semantic == Semantic.VEHICLE)
     return is_low.reshape(rows, columns).astype(np.float32)

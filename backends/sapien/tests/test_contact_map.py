@@ -91,6 +91,7 @@ def test_a_car_is_dark_by_its_own_contact_neither_on_its_roof_nor_on_its_sides()
         (0.3, Semantic.VEHICLE, True),  # a parked car
         (0.0, Semantic.STATIC, True),  # a bin
         (4.0, Semantic.TRAFFIC_SIGN, False),
+        (-0.85, Semantic.VEGETATION, False),  # crops that came up
     ],
 )
 def test_static_things_darken_the_ground_if_they_are_close_to_it(
