@@ -22,7 +22,6 @@ struct Lamp {
   float minCosine;
   vec3 intensity;  // kcd, at the peak
   float range;     // metres, where its light ends
-  float freePath;  // metres along its axis, before another vehicle
 };
 
 // Squared size, m²: nearer than its size a lamp is not a point. A fog lamp represents two.
@@ -38,9 +37,20 @@ Lamp fetchLamp(int entry) {
   vec4 a = texelFetch(samplerTable, ivec2(i, LAMPS_ROW), 0);
   vec4 b = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 1), 0);
   vec4 c = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 2), 0);
-  vec4 d = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 3), 0);
   int pair = entry / COLUMNS;
-  return Lamp(i, a.xyz, a.xyz + float(pair) * d.yzw, int(a.w), b.xyz, b.w, c.rgb * float(1 + pair), c.w, d.x);
+  vec3 middle = a.xyz;
+  if (pair > 0) middle += texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 3), 0).yzw;
+  return Lamp(i, a.xyz, middle, int(a.w), b.xyz, b.w, c.rgb * float(1 + pair), c.w);
+}
+
+// Whether a lamp of an entry may light a surface, before all of the lamp is fetched. What faces away is shaded by
+// its own body from light that fog or the road turns, too.
+bool mayLight(int entry, vec3 position, vec3 normal) {
+  const float BEHIND = 2.0;  // more than from a lamp to the middle of its pair
+  ivec2 texel = ivec2(entry % COLUMNS, LAMPS_ROW);
+  vec3 away = position - texelFetch(samplerTable, texel, 0).xyz;
+  float range = texelFetch(samplerTable, texel + ivec2(0, 2), 0).w + BEHIND;
+  return dot(away, normal) < BEHIND && dot(away, away) < range * range;
 }
 
 // Four entries of a list of lamps; -1 after the last.

@@ -72,8 +72,9 @@ vec3 lampRadiance(Surface s, vec3 towardsEye, vec3 position, vec3 normal) {
   ivec2 cell = cellList(position.xy);
   for (int i = cell.x; i < cell.y; ++i) {
     ivec4 four = lampQuad(CELL_LAMPS_ROW, i);
-    for (int j = 0; j < 4 && four[j] >= 0; ++j) {
-      Lamp l = fetchLamp(four[j]);
+    for (; four.x >= 0; four = ivec4(four.yzw, -1)) {
+      if (!mayLight(four.x, position, s.normal)) continue;
+      Lamp l = fetchLamp(four.x);
       vec3 light = lampReflection(l, s, towardsEye, position, mirrors, byRoad);
       if (light != vec3(0.0)) sum += light * lampVisibility(l, position, normal);
     }
