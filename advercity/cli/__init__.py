@@ -1,6 +1,7 @@
 """The command line: each command parses options, calls the library and prints the result."""
 
 import logging
+import os
 import signal
 import sys
 from contextlib import suppress
@@ -18,6 +19,7 @@ def main() -> None:
     An interrupt is reported by `RootGroup`, since typer ends the process without a word. Signals
     that ask the process to end have the exit codes that shells give them, such as 143 for SIGTERM.
     """
+    _open_closed_streams()
     # They unwind the stack like an exception, so that child processes and partial files go.
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) != signal.SIG_IGN:  # as `nohup` leaves SIGHUP
@@ -44,6 +46,21 @@ def main() -> None:
         exit_with_error(explain_system_error(error), exit_code=1)
     finally:
         logging.getLogger("advercity").removeHandler(notices)
+
+
+def _open_closed_streams() -> None:
+    """Open standard streams that are closed, as by `2>&-`, on nothing.
+
+    Else the next files that are opened have their numbers, and messages of libraries go into them.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # it takes the lowest number that is free
+    # Python has None for those.
+    sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)
+    sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
 
 
 def _end_by_signal(number: int, frame: FrameType | None) -> None:

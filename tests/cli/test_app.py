@@ -394,6 +394,15 @@ def test_a_signal_to_end_is_named_and_leaves_no_partial_file(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("closed", ["2>&-", "<&- >&- 2>&-"])
+def test_a_command_works_with_standard_streams_that_are_closed(
+    two_roads: Path, closed: str
+) -> None:
+    program = (sys.executable, "-c", "from advercity.cli import main; main()")
+    words = ("sh", "-c", f'exec "$0" "$@" {closed}', *program, "verify", str(two_roads))
+    assert subprocess.run(words, check=False).returncode == 0
+
+
 def test_a_hangup_that_nohup_ignores_stays_ignored(
     advercity: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
