@@ -154,9 +154,9 @@ def _shape_figure(looks: PedestrianAppearance, height_m: float) -> Figure:
 
 def _make_figure(person: RiggedPerson) -> Figure:
     def skin(posture: Float64Array) -> list[SkinnedSurface]:
-        stands = posture is person.posture
+        is_rest = posture is person.posture
         shells = person.shells
-        return _skin_shells(shells if stands else pose_shells(shells, person.posture, posture))
+        return _skin_shells(shells if is_rest else pose_shells(shells, person.posture, posture))
 
     return Figure(person.build, person.posture, skin, person.umbrella)
 

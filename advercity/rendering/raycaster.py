@@ -278,7 +278,7 @@ class _TriangleTable:
 
 
 def _normalise(vectors: FloatArray) -> FloatArray:
-    """Scale vectors (n, 3) to unit length; zeros stay."""
+    """Scale vectors (n, 3) to unit length; zeros stay. In float32: a scan has 120,000 of them."""
     x, y, z = vectors.T
     length = np.sqrt(x * x + y * y + z * z)
     return vectors / np.where(length > 0.0, length, 1.0)[:, None]

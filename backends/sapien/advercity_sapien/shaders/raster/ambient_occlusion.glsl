@@ -14,7 +14,7 @@ float ambientOcclusion(vec2 uv, float depth, vec3 worldNormal, bool isLeaf, vec2
   const float RADIUS = 1.6, GOLDEN_ANGLE = 2.39996;  // metres; radians
   // Surfaces up to FLAT above the horizon do not count: they are the same one, slightly curved.
   const float FLAT = 0.12, STRENGTH = 3.2, DARKEST = 0.2;
-  // What is below hides the ground, whose light is as much its own; crowns hide it for long ways.
+  // A surface below hides ground, but reflects about as much; what leaves hide is dark leaves.
   const float LEVEL = 0.2;
   const float WIDEST = 0.2, NARROWEST = 2.0;  // fraction of the image's height; pixels
   vec2 spread = 0.5 * RADIUS / depth

@@ -31,7 +31,7 @@ vec3 probeRatio(vec3 position, vec3 n) {
   const float AWAY = 1.0;  // metres from the surface, so that probes behind it count little
   const float FADE = 0.04;  // fraction of the map, at its edges
   const float DARKEST = 0.05;
-  const float BESIDE = 0.35;  // part of the light on a body's side that comes from dark ground
+  const float SIDE_FRACTION = 0.35;  // of the light on a body's side, from the dark ground at it
   vec4 map = probeMapExtent();
   vec2 at = (position.xy + AWAY * n.xy - map.xy) * map.zw;
   vec2 inside = smoothstep(vec2(0.0), vec2(FADE), 0.5 - abs(at - 0.5));
@@ -49,6 +49,6 @@ vec3 probeRatio(vec3 position, vec3 n) {
   light *= max(1.0 + 2.0 * dot(direction, n), DARKEST)
       / max(1.0 + 2.0 * dot(probeOpenDirection(), n), DARKEST);
   light *= mix(1.0, contactRatio((position.xy - map.xy) * map.zw, position.z - low.a),
-      max(abs(n.z), BESIDE));
+      max(abs(n.z), SIDE_FRACTION));
   return mix(vec3(1.0), light, inside.x * inside.y);
 }
