@@ -188,7 +188,9 @@ class LampLists:
 
         rays, radius = _compute_tile_rays(view)
         directions = (away / distance[:, None]).astype(np.float32)
-        off = np.arccos(np.clip(rays.astype(np.float32) @ directions.T, -1.0, 1.0)) - radius
+        # Not a product of matrices: its threads would idle, busily, while the image is drawn.
+        cosine = np.einsum("tk,nk->tn", rays.astype(np.float32), directions)
+        off = np.arccos(np.clip(cosine, -1.0, 1.0)) - radius
         score = glow * np.degrees(np.maximum(off, np.radians(0.5))) ** -HALO_EXPONENT
         score = np.where(off > np.where(around, np.pi, angle), 0.0, score)
         score += np.where(around, 1e6 / distance, 0.0)
