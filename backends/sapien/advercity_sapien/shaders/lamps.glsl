@@ -1,5 +1,5 @@
 // Lamps of streets, signals and vehicles, and their glow in fog.
-// Needs shader_constants.glsl, shader_table.glsl, atmosphere.glsl, surface.glsl.
+// Needs whole_numbers.glsl, shader_constants.glsl, shader_table.glsl, atmosphere.glsl, surface.glsl.
 
 // What every lamp needs of the table's numbers, fetched once a pixel: each fetch costs as much as a step.
 float airExtinction = 0.0, negligibleRadiance = 0.0;
@@ -40,7 +40,7 @@ Lamp fetchLamp(int entry) {
   int pair = entry / COLUMNS;
   vec3 middle = a.xyz;
   if (pair > 0) middle += texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 3), 0).yzw;
-  return Lamp(i, a.xyz, middle, int(a.w), b.xyz, b.w, c.rgb * float(1 + pair), c.w);
+  return Lamp(i, a.xyz, middle, wholeNumber(a.w), b.xyz, b.w, c.rgb * float(1 + pair), c.w);
 }
 
 // Whether a lamp of an entry may light a surface, before all of the lamp is fetched. What faces away is shaded by
@@ -55,16 +55,16 @@ bool mayLight(int entry, vec3 position, vec3 normal) {
 
 // Four entries of a list of lamps; -1 after the last.
 ivec4 lampQuad(int row, int texel) {
-  return ivec4(texelFetch(samplerTable, ivec2(texel % COLUMNS, row + texel / COLUMNS), 0));
+  return wholeNumber(texelFetch(samplerTable, ivec2(texel % COLUMNS, row + texel / COLUMNS), 0));
 }
 
 // First texel of the list of a cell of the ground, and the one after its last; empty outside all cells.
 ivec2 cellList(vec2 position) {
   vec4 grid = lampGrid();
-  ivec2 cell = ivec2(floor((position - grid.xy) * grid.zw));
+  ivec2 cell = wholeNumber(floor((position - grid.xy) * grid.zw));
   if (any(lessThan(cell, ivec2(0))) || any(greaterThanEqual(cell, ivec2(GRID_CELLS)))) return ivec2(0);
   int number = cell.y * GRID_CELLS + cell.x;
-  return ivec2(texelFetch(samplerTable, ivec2(number % COLUMNS, CELLS_ROW + number / COLUMNS), 0).xy);
+  return wholeNumber(texelFetch(samplerTable, ivec2(number % COLUMNS, CELLS_ROW + number / COLUMNS), 0).xy);
 }
 
 // First texel of the list of a horizontal direction.
@@ -220,7 +220,7 @@ vec4 scatteredLight(Lamp l, vec3 position, bool byRoad) {
   vec3 place = (root - FOG_BEAM_FIRST) * FOG_BEAM_PER_ROOT;
   vec3 last = vec3(FOG_BEAM_NODES - 1);
   if (any(lessThan(place, vec3(0.0))) || any(greaterThanEqual(place, last))) return vec4(0.0);
-  ivec3 first = min(ivec3(place), FOG_BEAM_NODES - 2);
+  ivec3 first = min(wholeNumber(floor(place)), FOG_BEAM_NODES - 2);
   vec3 part = place - vec3(first);
   int number = (l.kind == LAMP_FOG_BEAM ? 2 : 0) + (byRoad ? 1 : 0);
   int row = FOG_BEAMS_ROW + number * FOG_BEAM_ROWS;

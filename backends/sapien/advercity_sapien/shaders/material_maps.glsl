@@ -50,7 +50,7 @@ MapSample blendCopies(MapLookup look) {
   const float SHARPNESS = 5.0;
   const mat2 SKEW = mat2(1.0, 0.0, -0.57735027, 1.15470054);
   vec2 skewed = SKEW * (look.uv * TRIANGLES);
-  ivec2 cell = ivec2(floor(skewed));
+  ivec2 cell = wholeNumber(floor(skewed));
   vec2 f = skewed - vec2(cell);
   bool upper = f.x + f.y > 1.0;
   vec3 weights = upper ? vec3(f.x + f.y - 1.0, 1.0 - f.y, 1.0 - f.x) : vec3(1.0 - f.x - f.y, f.y, f.x);

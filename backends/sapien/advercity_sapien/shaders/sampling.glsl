@@ -13,7 +13,7 @@ float hashUnit(ivec3 cell) {
   return float(h >> 8u) / 8388608.0 - 1.0;
 }
 
-float hashUnit(vec2 cell, int salt) { return hashUnit(ivec3(ivec2(cell), salt)); }
+float hashUnit(vec2 cell, int salt) { return hashUnit(ivec3(wholeNumber(cell), salt)); }
 
 // Contrast that a pattern of a wavelength retains in a pixel as wide as `footprint`, metres.
 float retainedContrast(float wavelength, float footprint) {

@@ -8,7 +8,7 @@
 float noise(vec2 p, int salt) {
   vec2 cell = floor(p), f = p - cell;
   f = f * f * (3.0 - 2.0 * f);
-  ivec2 i = ivec2(cell);
+  ivec2 i = wholeNumber(cell);
   ivec2 right = i + ivec2(1, 0), up = i + ivec2(0, 1), across = i + ivec2(1, 1);
   float low = mix(hashUnit(ivec3(i, salt)), hashUnit(ivec3(right, salt)), f.x);
   float high = mix(hashUnit(ivec3(up, salt)), hashUnit(ivec3(across, salt)), f.x);
@@ -17,7 +17,7 @@ float noise(vec2 p, int salt) {
 
 float noise(vec3 p, int salt) {
   float layer = floor(p.z), f = p.z - layer;
-  int at = int(layer) * 64 + salt;
+  int at = wholeNumber(layer) * 64 + salt;
   return mix(noise(p.xy, at), noise(p.xy, at + 64), f * f * (3.0 - 2.0 * f));
 }
 

@@ -29,7 +29,7 @@ float ambientOcclusion(vec2 uv, float depth, vec3 worldNormal, bool isLeaf, vec2
     float angle = rotation + float(i) * GOLDEN_ANGLE;
     float radius = sqrt((float(i) + 0.5) / float(TAPS));
     vec2 at = uv + spread * radius * vec2(cos(angle), sin(angle));
-    ivec2 texel = ivec2(at * vec2(size));
+    ivec2 texel = wholeNumber(floor(at * vec2(size)));
     if (any(lessThan(texel, ivec2(0))) || any(greaterThanEqual(texel, size))) continue;
     float sampleDepth = texelFetch(samplerDepthEmission, texel, 0).x;
     if (sampleDepth <= 0.0) continue;

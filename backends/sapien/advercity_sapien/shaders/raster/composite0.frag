@@ -23,6 +23,7 @@ layout(location = 1) out vec4 outReflex;
 // towards the camera, and of surfaces that they light. Last, whether lamps glow.
 layout(location = 2) out vec4 outGlow;
 
+#include "../whole_numbers.glsl"
 #include "../shader_constants.glsl"
 #include "../shader_table.glsl"
 #include "../atmosphere.glsl"
@@ -115,8 +116,8 @@ vec3 mirrorRadiance(vec3 position, vec3 ray, vec3 normal, float alpha, float dis
 // same surface, averaged, in place of the pixel's own.
 vec3 filterAmbient(float depth) {
   const float TOLERANCE = 0.03;
-  vec4 own = texelFetch(samplerAmbient, ivec2(gl_FragCoord.xy), 0);
-  ivec2 first = ditherBlock(ivec2(gl_FragCoord.xy) % pixelCount(), pixelCount());
+  vec4 own = texelFetch(samplerAmbient, wholeNumber(floor(gl_FragCoord.xy)), 0);
+  ivec2 first = ditherBlock(wholeNumber(floor(gl_FragCoord.xy)) % pixelCount(), pixelCount());
   float sum = 0.0, weight = 0.0;
   for (int i = 0; i < DITHER * DITHER; ++i) {
     ivec2 texel = first + ivec2(i % DITHER, i / DITHER);
@@ -176,7 +177,7 @@ vec3 lampGlow(ivec2 pixel, vec3 eye, float jitter) {
 }
 
 void main() {
-  ivec2 pixel = ivec2(gl_FragCoord.xy), texel = surfaceTexel(pixel);
+  ivec2 pixel = wholeNumber(floor(gl_FragCoord.xy)), texel = surfaceTexel(pixel);
   vec3 eye = cameraBuffer.viewMatrixInverse[3].xyz;
   float jitter = dither(gl_FragCoord.xy);
   outReflex = vec4(0.0);

@@ -10,6 +10,7 @@ layout(set = 0, binding = 2) uniform sampler2D samplerGlow;
 // Radiance with reflexes and the glow of lamps, and depth.
 layout(location = 0) out vec4 outShaded;
 
+#include "../whole_numbers.glsl"
 #include "../shader_constants.glsl"
 #include "./pixel_samples.glsl"
 #include "./dither.glsl"
@@ -55,7 +56,7 @@ vec3 filterGlow(ivec2 pixel, float depth) {
 }
 
 void main() {
-  ivec2 texel = ivec2(gl_FragCoord.xy), pixel = texel % pixelCount();
+  ivec2 texel = wholeNumber(floor(gl_FragCoord.xy)), pixel = texel % pixelCount();
   vec4 seen = texelFetch(samplerSeen, texel, 0);
   outShaded = seen;
   if (seen.a == NO_LIGHT) return;

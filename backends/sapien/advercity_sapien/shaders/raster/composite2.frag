@@ -11,6 +11,7 @@ layout(set = 0, binding = 3) uniform sampler2D samplerPane;
 // Radiance and depth of pixels: the mean of a pixel's samples, and the depth at its middle.
 layout(location = 0) out vec4 outRadiance;
 
+#include "../whole_numbers.glsl"
 #include "./pixel_samples.glsl"
 #include "./seen_surfaces.glsl"
 
@@ -54,7 +55,7 @@ vec3 radianceAt(ivec2 texel, SeenSurface seen) {
 }
 
 void main() {
-  ivec2 pixel = ivec2(gl_FragCoord.xy);
+  ivec2 pixel = wholeNumber(floor(gl_FragCoord.xy));
   if (any(greaterThanEqual(pixel, pixelCount()))) discard;
   outRadiance = texelFetch(samplerShaded, pixel, 0);
   if (samplesPerAxis() == 1) return;

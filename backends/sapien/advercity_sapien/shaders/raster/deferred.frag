@@ -26,6 +26,7 @@ layout(location = 1) out vec4 outMirror;
 // Reflected sky light without occlusion, and ambient occlusion, dithered.
 layout(location = 2) out vec4 outAmbient;
 
+#include "../whole_numbers.glsl"
 #include "../shader_constants.glsl"
 #include "../shader_table.glsl"
 #include "../atmosphere.glsl"
@@ -103,7 +104,7 @@ bool hasLightOfMiddle(ivec2 texel) {
 }
 
 void main() {
-  ivec2 texel = surfaceTexel(ivec2(gl_FragCoord.xy));
+  ivec2 texel = surfaceTexel(wholeNumber(floor(gl_FragCoord.xy)));
   if (texel % samplesPerAxis() != ivec2(0) && hasLightOfMiddle(texel)) {
     outLit = vec4(0.0, 0.0, 0.0, NO_LIGHT);
     return;
@@ -124,12 +125,12 @@ void main() {
   float distance = depth * distancePerDepth;
   vec3 position = cameraBuffer.viewMatrixInverse[3].xyz + ray * distance;
   float pixelWidth = footprint(pixelAngle(), distance, abs(dot(ray, normal.xyz)));
-  int kind = int(depthEmission.z) % SNOWLESS;
+  int pattern = wholeNumber(depthEmission.z), kind = pattern % SNOWLESS;
   vec3 radiance = isNight() ? vec3(0.0) : depthEmission.y * albedo.rgb;
   vec3 relief = texelFetch(samplerRelief, texel, 0).xyz;
   albedo.rgb *= materialDetail(kind, depthEmission.w < 0.0, position, normal.xyz, pixelWidth);
 
-  Surface s = buildSurface(albedo.rgb, albedo.a, normal.a, kind, int(depthEmission.z) >= SNOWLESS,
+  Surface s = buildSurface(albedo.rgb, albedo.a, normal.a, kind, pattern >= SNOWLESS,
       position, normal.xyz, relief, pixelWidth);
   vec3 sun = sunDirection();
   if (dot(sunIrradiance(), vec3(1.0)) > 0.0 && (dot(s.normal, sun) > 0.0 || s.through > 0.0)) {

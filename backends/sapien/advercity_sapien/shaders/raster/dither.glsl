@@ -5,7 +5,7 @@ const int DITHER = 4;
 
 // Ordered-dither threshold of a pixel, each sixteenth of [0, 1) once (Bayer 1973).
 float dither(vec2 pixel) {
-  ivec2 p = ivec2(pixel);
+  ivec2 p = wholeNumber(floor(pixel));
   ivec2 fine = p & 1, coarse = (p >> 1) & 1;
   int rank = 4 * (2 * (fine.x ^ fine.y) + fine.y) + 2 * (coarse.x ^ coarse.y) + coarse.y;
   return (float(rank) + 0.5) / 16.0;

@@ -4,6 +4,7 @@
 #define OBJECT_SET 1
 #define MATERIAL_SET 2
 #include "./interface.glsl"
+#include "../whole_numbers.glsl"
 #include "../shader_constants.glsl"
 #include "../lamp_lenses.glsl"
 #include "../sampling.glsl"

@@ -22,7 +22,7 @@ ivec2 reachCell(Lamp l) {
 
 float airVisibility(Lamp l, vec3 away) {
   vec3 point = away * lampAxes(l);
-  ivec2 texel = ivec2(reachPlace(l, point) + 0.5);
+  ivec2 texel = wholeNumber(floor(reachPlace(l, point) + 0.5));
   return step(point.z, texelFetch(samplerLampReach, reachCell(l) + texel, 0).x);
 }
 
@@ -36,7 +36,7 @@ float lampVisibility(Lamp l, vec3 position, vec3 normal) {
   ivec2 texels = isBeam(l) ? BEAM_REACH_TEXELS : LENS_REACH_TEXELS;
   vec2 halfSize = isBeam(l) ? BEAM_REACH_HALF_SIZE : LENS_REACH_HALF_SIZE;
   vec2 place = reachPlace(l, point);
-  ivec2 first = min(ivec2(place), texels - 2);
+  ivec2 first = min(wholeNumber(floor(place)), texels - 2);
   vec2 part = place - vec2(first);
   vec2 size = vec2(textureSize(samplerLampReach, 0));
   vec4 reach = textureGather(samplerLampReach, vec2(reachCell(l) + first + 1) / size);

@@ -13,10 +13,10 @@ const int SNOWLESS = 64;
 
 // Samples of a pixel along an axis, from the principal point: it is half a sample off the middle for two.
 int samplesPerAxis() {
-  return 1 + int(round(abs(cameraBuffer.projectionMatrix[2][0]) * cameraBuffer.width));
+  return 1 + wholeNumber(round(abs(cameraBuffer.projectionMatrix[2][0]) * cameraBuffer.width));
 }
 
-ivec2 sampleCount() { return ivec2(cameraBuffer.width, cameraBuffer.height); }
+ivec2 sampleCount() { return wholeNumber(vec2(cameraBuffer.width, cameraBuffer.height)); }
 
 ivec2 pixelCount() { return sampleCount() / samplesPerAxis(); }
 
@@ -41,7 +41,7 @@ vec2 pixelPlace(vec2 place) {
 
 // Pixel at a place in the camera's image, or the nearest one.
 ivec2 pixelAt(vec2 place) {
-  return clamp(ivec2(floor(pixelPlace(place))), ivec2(0), pixelCount() - 1);
+  return wholeNumber(clamp(floor(pixelPlace(place)), vec2(0.0), vec2(pixelCount() - 1)));
 }
 
 // Pixels of which the glow of lamps is computed, along both axes, and the pixel of one of them.

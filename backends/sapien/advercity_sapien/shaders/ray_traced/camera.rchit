@@ -3,6 +3,7 @@
 #extension GL_EXT_scalar_block_layout : enable
 #extension GL_EXT_nonuniform_qualifier : enable
 
+#include "../whole_numbers.glsl"
 #include "../shader_constants.glsl"
 #include "../sampling.glsl"
 #include "../map_plane.glsl"

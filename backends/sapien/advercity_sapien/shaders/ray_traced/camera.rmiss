@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_ray_tracing : require
 
+#include "../whole_numbers.glsl"
 #include "../shader_constants.glsl"
 #include "../sampling.glsl"
 #include "../map_plane.glsl"
