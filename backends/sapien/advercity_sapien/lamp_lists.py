@@ -92,13 +92,13 @@ class LampLists:
         min_cosine, tiles = self._list_by_tile(view)
         light = self._colour * (self._intensity_cd * KILO)[:, None]
         count = len(self._kind)
-        lamps = table.section("lamps")
-        lamps[0, :count] = np.column_stack([self._position, self._kind])
-        lamps[1, :count] = np.column_stack([self._facing, min_cosine])
-        lamps[2, :count] = np.column_stack([light, self._range_m])
-        lamps[3, :count, 0] = self._free_path_m
+        lamps = table.section("lamps").reshape(COLUMNS, 4, 4)
+        lamps[:count, 0] = np.column_stack([self._position, self._range_m])
+        lamps[:count, 1] = np.column_stack([self._facing, min_cosine])
+        lamps[:count, 2] = np.column_stack([light, self._kind])
+        lamps[:count, 3, 0] = self._free_path_m
         # From the first of a pair to the middle of both.
-        lamps[3, : max(count - 1, 0), 1:] = np.diff(self._position, axis=0) / 2.0
+        lamps[: max(count - 1, 0), 3, 1:] = np.diff(self._position, axis=0) / 2.0
         lists = {"cell_lamps": self._cell_lamps, "tiles": tiles}
         lists["bearings"] = self._list_by_bearing(view)
         table.section("cells").reshape(-1, 4)[: GRID_CELLS**2, :2] = self._cells

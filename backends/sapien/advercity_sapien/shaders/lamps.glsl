@@ -31,31 +31,41 @@ bool isBeam(Lamp l) {
   return l.kind != LAMP_STREET && l.kind != LAMP_LENS;
 }
 
+// One of the texels of a section of the table.
+vec4 sectionTexel(int row, int texel) {
+  uint place = uint(texel), columns = uint(COLUMNS);
+  return texelFetch(samplerTable, ivec2(place % columns, row + int(place / columns)), 0);
+}
+
+// One of the four texels of the lamp of an entry of a list; they are side by side, in one line of the
+// processor's cache.
+vec4 lampTexel(int entry, int texel) {
+  return sectionTexel(LAMPS_ROW, 4 * (entry & (COLUMNS - 1)) + texel);
+}
+
 // Lamp of an entry of a list: one from COLUMNS on stands for both of a pair.
 Lamp fetchLamp(int entry) {
-  int i = entry % COLUMNS;
-  vec4 a = texelFetch(samplerTable, ivec2(i, LAMPS_ROW), 0);
-  vec4 b = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 1), 0);
-  vec4 c = texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 2), 0);
-  int pair = entry / COLUMNS;
+  vec4 a = lampTexel(entry, 0), b = lampTexel(entry, 1), c = lampTexel(entry, 2);
+  bool isPair = entry >= COLUMNS;
   vec3 middle = a.xyz;
-  if (pair > 0) middle += texelFetch(samplerTable, ivec2(i, LAMPS_ROW + 3), 0).yzw;
-  return Lamp(i, a.xyz, middle, wholeNumber(a.w), b.xyz, b.w, c.rgb * float(1 + pair), c.w);
+  if (isPair) middle += lampTexel(entry, 3).yzw;
+  return Lamp(entry & (COLUMNS - 1), a.xyz, middle, wholeNumber(c.w), b.xyz, b.w,
+      c.rgb * (isPair ? 2.0 : 1.0), a.w);
 }
 
 // Whether a lamp of an entry may light a surface, before all of the lamp is fetched. What faces away is shaded by
 // its own body from light that fog or the road turns, too.
 bool mayLight(int entry, vec3 position, vec3 normal) {
   const float BEHIND = 2.0;  // more than from a lamp to the middle of its pair
-  ivec2 texel = ivec2(entry % COLUMNS, LAMPS_ROW);
-  vec3 away = position - texelFetch(samplerTable, texel, 0).xyz;
-  float range = texelFetch(samplerTable, texel + ivec2(0, 2), 0).w + BEHIND;
+  vec4 lamp = lampTexel(entry, 0);
+  vec3 away = position - lamp.xyz;
+  float range = lamp.w + BEHIND;
   return dot(away, normal) < BEHIND && dot(away, away) < range * range;
 }
 
 // Four entries of a list of lamps; -1 after the last.
 ivec4 lampQuad(int row, int texel) {
-  return wholeNumber(texelFetch(samplerTable, ivec2(texel % COLUMNS, row + texel / COLUMNS), 0));
+  return wholeNumber(sectionTexel(row, texel));
 }
 
 // First texel of the list of a cell of the ground, and the one after its last; empty outside all cells.
@@ -64,7 +74,7 @@ ivec2 cellList(vec2 position) {
   ivec2 cell = wholeNumber(floor((position - grid.xy) * grid.zw));
   if (any(lessThan(cell, ivec2(0))) || any(greaterThanEqual(cell, ivec2(GRID_CELLS)))) return ivec2(0);
   int number = cell.y * GRID_CELLS + cell.x;
-  return wholeNumber(texelFetch(samplerTable, ivec2(number % COLUMNS, CELLS_ROW + number / COLUMNS), 0).xy);
+  return wholeNumber(sectionTexel(CELLS_ROW, number).xy);
 }
 
 // First texel of the list of a horizontal direction.
@@ -88,10 +98,9 @@ vec3 rightAxis(vec3 facing) {
 // Angles in degrees of a ray to the right of a beam's axis and above it, the latter by the first terms of
 // its arc; approximations of the former make rays to the side nearly parallel. False for rays to the rear.
 bool beamAngles(vec3 facing, vec3 ray, out float h, out float v) {
-  float forward = dot(ray, facing);
-  vec3 right = rightAxis(facing);
-  float above = dot(ray, cross(right, facing));
-  h = degrees(atan(dot(ray, right), forward));
+  float forward = dot(ray, facing), perLevel = inversesqrt(dot(facing.xy, facing.xy));
+  float aside = perLevel * (ray.x * facing.y - ray.y * facing.x), above = perLevel * (ray.z - forward * facing.z);
+  h = degrees(atan(aside / forward));
   v = degrees(above * (1.0 + above * above / 6.0));
   return forward > 0.1;
 }
@@ -163,17 +172,16 @@ float beamIntensity(LampBeam b, vec3 facing, vec3 ray, float narrowDepth) {
   float x = v + b.cutoffDrop - clamp(b.kinkSlope * h, 0.0, b.kinkMax);
   float exponent = (h - b.peakRight) * (h - b.peakRight) / b.horizontalSquared;
   if (exponent > 12.0) return 0.0;
-  float sideways = exp(-exponent);
-  float aboveAxis = v > 0.0 ? exp(-v * v / b.aboveSquared) : 1.0;
-  float below = x < 0.0 ? exp(-(x + b.peakBelowCutoff) * (x + b.peakBelowCutoff) / b.belowSquared) : 1.0;
+  float above = v > 0.0 ? v * v / b.aboveSquared : 0.0;
+  float below = x < 0.0 ? (x + b.peakBelowCutoff) * (x + b.peakBelowCutoff) / b.belowSquared : 0.0;
   float dark = exp(clamp(x / b.cutoffSoftness, -40.0, 40.0));
-  float sharp = (b.stray + (1.0 - b.stray) / (1.0 + dark)) * below * aboveAxis;
-  if (narrowDepth < 0.03) return sharp * sideways;
+  float sharp = (b.stray + (1.0 - b.stray) / (1.0 + dark)) * exp(-(exponent + above + below));
+  if (narrowDepth < 0.03) return sharp;
   float spread = degrees(forwardSpread(narrowDepth));
   float even = x - b.evenTop, beyondCutoff = fractionBeyond(even / spread);
   float soft = beyondCutoff - fractionBeyond((even + b.equivalentHeight) / spread)
-      + b.stray * aboveAxis * (1.0 - beyondCutoff);
-  return mix(soft, sharp, exp(-narrowDepth)) * sideways;
+      + b.stray * exp(-above) * (1.0 - beyondCutoff);
+  return mix(soft * exp(-exponent), sharp, exp(-narrowDepth));
 }
 
 // The same of a rear lamp, an indicator or a signal, by the cosine off its axis.
@@ -229,8 +237,7 @@ vec4 scatteredLight(Lamp l, vec3 position, bool byRoad) {
     ivec3 corner = ivec3(i & 1, (i >> 1) & 1, i >> 2), node = first + corner;
     vec3 weight = mix(1.0 - part, part, vec3(corner));
     int texel = (node.x * FOG_BEAM_NODES.y + node.y) * FOG_BEAM_NODES.z + node.z;
-    light += weight.x * weight.y * weight.z
-        * texelFetch(samplerTable, ivec2(texel % COLUMNS, row + texel / COLUMNS), 0);
+    light += weight.x * weight.y * weight.z * sectionTexel(row, texel);
   }
   vec2 right = vec2(ahead.y, -ahead.x) * (point.y < 0.0 ? -1.0 : 1.0);
   return vec4(light.x * ahead + light.y * right, light.zw);
@@ -247,25 +254,27 @@ float scatteredIrradiance(vec4 light, vec3 normal) {
 }
 
 // Radiance of a surface that one lamp lights, without shadows; of one that mirrors without its lobe,
-// which `lampMirrorReflection` has. Perhaps with the light of beams that comes by the road.
-vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, vec3 position, bool mirrors, bool byRoad) {
+// which `lampMirrorReflection` has. Perhaps with the light of beams that comes by the road. `coatLeaves` is
+// the transmittance of its coat towards the eye.
+vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, float coatLeaves, vec3 position, bool mirrors,
+    bool byRoad) {
   vec3 away = position - l.middle;
   float distance2 = dot(away, away);
   if (distance2 > l.range * l.range) return vec3(0.0);
-  float distance = sqrt(max(distance2, 1e-6));
-  vec3 ray = away / distance;
+  float perMetre = inversesqrt(max(distance2, 1e-6)), distance = distance2 * perMetre;
+  vec3 ray = away * perMetre;
   // What each part can be is known without the beam's shape, which is expensive. Scattered light is more
   // than this of the peak's only near a lamp, where it is far from negligible.
   const float MAX_SCATTERED = 0.05, MAX_BY_ROAD = 6e-3;
   float left = beamTransmittance(l, distance);
   float given = rangeFalloff(l, distance) / (distance2 + lampSizeSquared(l));
-  vec3 reflected = diffuseCosine(s, towardsEye, -ray);
-  if (!mirrors) reflected += specularLobe(s, towardsEye, -ray);
-  vec3 direct = l.intensity * given * left * reflected;
   vec3 scattered = l.intensity * s.albedo / PI;
   vec3 sum = vec3(0.0);
-  if (dot(s.normal, ray) < 0.0 && dot(direct, vec3(1.0)) >= negligibleRadiance) {
-    sum += direct * intensityFraction(l, ray, distance);
+  if (dot(s.normal, ray) < 0.0 && dot(l.facing, ray) > 0.0) {
+    vec3 reflected = diffuseCosine(s, coatLeaves, -ray);
+    if (!mirrors) reflected += specularLobe(s, towardsEye, -ray);
+    vec3 direct = l.intensity * (given * left) * reflected;
+    if (dot(direct, vec3(1.0)) >= negligibleRadiance) sum += direct * intensityFraction(l, ray, distance);
   }
   float most = MAX_SCATTERED * (1.0 - left) + (byRoad ? MAX_BY_ROAD * left : 0.0);
   if (isBeam(l) && most * given * dot(scattered, vec3(1.0)) >= negligibleRadiance) {

@@ -57,17 +57,18 @@ vec3 specularLobe(Surface s, vec3 towardsEye, vec3 towardsLight) {
   return fresnelReflectance(s, dot(towardsEye, h)) * (a2 / (PI * d * d) * 0.5 / smith * nl);
 }
 
-// Diffuse BRDF times the cosine of incidence; light passes the coat twice, in and out.
-vec3 diffuseCosine(Surface s, vec3 towardsEye, vec3 towardsLight) {
+// Diffuse BRDF times the cosine of incidence; light passes the coat twice, in and out. The transmittance on
+// its way out is the same for all lights.
+vec3 diffuseCosine(Surface s, float coatLeaves, vec3 towardsLight) {
   float nl = dot(s.normal, towardsLight);
   if (nl <= 0.0) return s.albedo * (-nl / PI * s.through);
-  float through = coatTransmittance(s, nl) * coatTransmittance(s, dot(s.normal, towardsEye));
-  return s.albedo * (nl / PI * through);
+  return s.albedo * (nl / PI * coatTransmittance(s, nl) * coatLeaves);
 }
 
 // BRDF times the cosine of incidence.
 vec3 brdfCosine(Surface s, vec3 towardsEye, vec3 towardsLight) {
-  return diffuseCosine(s, towardsEye, towardsLight) + specularLobe(s, towardsEye, towardsLight);
+  float coatLeaves = coatTransmittance(s, dot(s.normal, towardsEye));
+  return diffuseCosine(s, coatLeaves, towardsLight) + specularLobe(s, towardsEye, towardsLight);
 }
 
 // A pane of tinted glass: index, and transmittance besides what both its faces reflect.

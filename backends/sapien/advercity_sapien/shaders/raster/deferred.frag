@@ -70,13 +70,14 @@ vec3 lampRadiance(Surface s, vec3 towardsEye, vec3 position, vec3 normal) {
   vec3 sum = vec3(0.0);
   // The road reflects hardly any light to what is level.
   bool mirrors = isMirrorLike(s), byRoad = s.normal.z < 0.7;
+  float coatLeaves = coatTransmittance(s, dot(s.normal, towardsEye));
   ivec2 cell = cellList(position.xy);
   for (int i = cell.x; i < cell.y; ++i) {
     ivec4 four = lampQuad(CELL_LAMPS_ROW, i);
     for (; four.x >= 0; four = ivec4(four.yzw, -1)) {
       if (!mayLight(four.x, position, s.normal)) continue;
       Lamp l = fetchLamp(four.x);
-      vec3 light = lampReflection(l, s, towardsEye, position, mirrors, byRoad);
+      vec3 light = lampReflection(l, s, towardsEye, coatLeaves, position, mirrors, byRoad);
       if (light != vec3(0.0)) sum += light * lampVisibility(l, position, normal);
     }
   }

@@ -7,12 +7,17 @@ mat3 lampAxes(Lamp l) {
   return mat3(right, cross(right, l.facing), l.facing);
 }
 
+// Texels of a lamp's map for each metre across at one metre ahead.
+vec2 texelsPerSlope(Lamp l) {
+  return isBeam(l) ? 0.5 * vec2(BEAM_REACH_TEXELS) / BEAM_REACH_HALF_SIZE
+      : 0.5 * vec2(LENS_REACH_TEXELS) / LENS_REACH_HALF_SIZE;
+}
+
 // Place of a point, in a lamp's axes, in its map: in texels from the middle of the first.
 vec2 reachPlace(Lamp l, vec3 point) {
-  vec2 texels = vec2(isBeam(l) ? BEAM_REACH_TEXELS : LENS_REACH_TEXELS);
-  vec2 halfSize = isBeam(l) ? BEAM_REACH_HALF_SIZE : LENS_REACH_HALF_SIZE;
-  vec2 at = 0.5 + 0.5 * point.xy / (max(point.z, 1e-3) * halfSize);
-  return clamp(at * texels - 0.5, vec2(0.0), texels - 1.0);
+  vec2 last = vec2(isBeam(l) ? BEAM_REACH_TEXELS : LENS_REACH_TEXELS) - 1.0;
+  vec2 at = 0.5 * last + point.xy * texelsPerSlope(l) * (1.0 / max(point.z, 1e-3));
+  return clamp(at, vec2(0.0), last);
 }
 
 // First texel of a lamp's map.
@@ -34,15 +39,14 @@ float lampVisibility(Lamp l, vec3 position, vec3 normal) {
   mat3 axes = lampAxes(l);
   vec3 point = (position - l.position) * axes, across = normal * axes;
   ivec2 texels = isBeam(l) ? BEAM_REACH_TEXELS : LENS_REACH_TEXELS;
-  vec2 halfSize = isBeam(l) ? BEAM_REACH_HALF_SIZE : LENS_REACH_HALF_SIZE;
   vec2 place = reachPlace(l, point);
   ivec2 first = min(wholeNumber(floor(place)), texels - 2);
   vec2 part = place - vec2(first);
   vec2 size = vec2(textureSize(samplerLampReach, 0));
   vec4 reach = textureGather(samplerLampReach, vec2(reachCell(l) + first + 1) / size);
   // Rays of the four texels, in the order of the gathered ones: 1 ahead.
-  vec2 low = ((vec2(first) + 0.5) / vec2(texels) * 2.0 - 1.0) * halfSize;
-  vec2 high = low + 2.0 * halfSize / vec2(texels);
+  vec2 perTexel = 1.0 / texelsPerSlope(l);
+  vec2 low = (vec2(first) + 0.5 * vec2(1 - texels)) * perTexel, high = low + perTexel;
   vec4 slope = across.x * vec4(low.x, high.x, high.x, low.x)
       + across.y * vec4(high.y, high.y, low.y, low.y) + across.z;
   float plane = dot(across, point);
