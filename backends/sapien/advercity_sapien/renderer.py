@@ -149,8 +149,7 @@ class SapienRenderer:
 
     def _write_fog_beams(self, atmosphere: Atmosphere) -> None:
         if atmosphere.night:
-            section = self._table.section("fog_beams")
-            section[:] = compute_fog_beams(atmosphere.extinction.at_550nm).reshape(section.shape)
+            self._table.set_fog_beams(compute_fog_beams(atmosphere.extinction.at_550nm))
 
     def place(self, frame: Frame) -> None:
         """Move every actor to its pose in `frame`, and switch lamps and signals."""

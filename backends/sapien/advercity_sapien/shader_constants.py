@@ -43,6 +43,7 @@ from advercity_sapien.lamp_shadows import (
 from advercity_sapien.light_probes import LEVEL_HEIGHTS_M
 from advercity_sapien.material_textures import MAX_ROUGHNESS_RATIO
 from advercity_sapien.shader_table import (
+    FOG_BEAM_SCALE,
     format_scene_textures_glsl,
     format_table_glsl,
 )
@@ -123,6 +124,7 @@ def _format_constants() -> Iterator[str]:
             "MAX_ROUGHNESS_RATIO": _float(MAX_ROUGHNESS_RATIO),
             "LAMP_HEIGHT": _float(LAMP_HEIGHT_M),
             "FOG_LAMP_HEIGHT": _float(FOG_LAMP_HEIGHT_M),
+            "FOG_BEAM_SCALE": _float(FOG_BEAM_SCALE, 7),
             "LENS_FALLOFF": _float(LENS.falloff),
             "LENS_SIDE_FRACTION": _float(LENS.at_right_angle, 5),
             "TAIL_LAMP_LUMINANCE": _float(TAIL_LAMP_KCD_M2),

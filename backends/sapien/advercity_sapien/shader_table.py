@@ -29,6 +29,8 @@ BEARINGS, LAMPS_PER_BEARING = 64, 32
 """Sectors of the horizon, counterclockwise from -180 degrees."""
 FOG_BEAM_TABLES = 4
 """Tables of low beams and front fog lamps, two each."""
+FOG_BEAM_SCALE = 2.0**20
+"""Factor on the values of these tables, which halves of a float hold: 0.06 to 1e-13 1/m²."""
 
 
 @dataclass(frozen=True)
@@ -162,6 +164,17 @@ class ShaderTable:
         for name, value in values.items():
             parameter = _PARAMETERS_BY_NAME[name]
             self.texels[0][parameter.slices] = np.reshape(value, (parameter.count, -1))
+
+    def set_fog_beams(self, tables: Float32Array) -> None:
+        """Write tables (..., nodes up, 4) of scattered light.
+
+        A texel has its node in its first two numbers, by two halves each, and the next one above in
+        the others: shaders fetch both at once.
+        """
+        nodes = (tables * FOG_BEAM_SCALE).astype(np.float16)
+        above = np.roll(nodes, -1, axis=-2)  # above the last, none is looked up
+        section = self.section("fog_beams")
+        section[:] = np.concatenate([nodes, above], axis=-1).view(np.float32).reshape(section.shape)
 
     def section(self, name: str) -> Float32Array:
         """Rows (height, COLUMNS, 4) of a section, as a view."""

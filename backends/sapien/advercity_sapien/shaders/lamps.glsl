@@ -218,7 +218,8 @@ float beamTransmittance(Lamp l, float distance) {
 
 // Light at a point that fog has scattered out of a beam, per kcd of its peak: flow and fluence; perhaps
 // with what the road reflects before. The table (fog_beams.py) has it by roots of the metres ahead of the
-// lamp, to the side, and above the ground; between eight nodes it is linear.
+// lamp, to the side, and above the ground; between eight nodes it is linear. A texel has two of them, one
+// above the other, in halves of its numbers (shader_table.py).
 vec4 scatteredLight(Lamp l, vec3 position, bool byRoad) {
   vec2 ahead = normalize(l.facing.xy), away = position.xy - l.middle.xy;
   float mounted = l.kind == LAMP_FOG_BEAM ? FOG_LAMP_HEIGHT : LAMP_HEIGHT;
@@ -233,11 +234,14 @@ vec4 scatteredLight(Lamp l, vec3 position, bool byRoad) {
   int number = (l.kind == LAMP_FOG_BEAM ? 2 : 0) + (byRoad ? 1 : 0);
   int row = FOG_BEAMS_ROW + number * FOG_BEAM_ROWS;
   vec4 light = vec4(0.0);
-  for (int i = 0; i < 8; ++i) {
-    ivec3 corner = ivec3(i & 1, (i >> 1) & 1, i >> 2), node = first + corner;
-    vec3 weight = mix(1.0 - part, part, vec3(corner));
-    int texel = (node.x * FOG_BEAM_NODES.y + node.y) * FOG_BEAM_NODES.z + node.z;
-    light += weight.x * weight.y * weight.z * sectionTexel(row, texel);
+  for (int i = 0; i < 4; ++i) {
+    ivec2 corner = ivec2(i & 1, i >> 1), node = first.xy + corner;
+    vec2 weight = mix(1.0 - part.xy, part.xy, vec2(corner));
+    int texel = (node.x * FOG_BEAM_NODES.y + node.y) * FOG_BEAM_NODES.z + first.z;
+    uvec4 halves = floatBitsToUint(sectionTexel(row, texel));
+    vec4 low = vec4(unpackHalf2x16(halves.x), unpackHalf2x16(halves.y));
+    vec4 high = vec4(unpackHalf2x16(halves.z), unpackHalf2x16(halves.w));
+    light += weight.x * weight.y / FOG_BEAM_SCALE * mix(low, high, part.z);
   }
   vec2 right = vec2(ahead.y, -ahead.x) * (point.y < 0.0 ? -1.0 : 1.0);
   return vec4(light.x * ahead + light.y * right, light.zw);

@@ -60,6 +60,7 @@ const float TRANSMITTED_BY_LEAVES = 0.4;
 const float MAX_ROUGHNESS_RATIO = 4.0;
 const float LAMP_HEIGHT = 0.65;
 const float FOG_LAMP_HEIGHT = 0.4;
+const float FOG_BEAM_SCALE = 1048576.0;
 const float LENS_FALLOFF = 0.0218524;
 const float LENS_SIDE_FRACTION = 0.0081778;
 const float TAIL_LAMP_LUMINANCE = 1.2;
