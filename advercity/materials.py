@@ -178,6 +178,10 @@ def _car_paint(
     )
 
 
+def _pane(albedo: tuple[float, float, float]) -> Material:
+    return Material(albedo, 0.02, GLASS_77GHZ, GLASS_LWIR, roughness=0.05, is_transparent=True)
+
+
 MATERIALS: dict[str, Material] = {
     "asphalt": Material(
         (0.10, 0.10, 0.105),
@@ -272,9 +276,13 @@ MATERIALS: dict[str, Material] = {
     "metal": Material(
         (0.45, 0.45, 0.46), 0.30, METAL_77GHZ, BARE_METAL_LWIR, roughness=0.4, metallic=0.9
     ),
-    "glass": Material(
-        (0.03, 0.035, 0.04), 0.02, GLASS_77GHZ, GLASS_LWIR, roughness=0.05, is_transparent=True
-    ),
+    "glass": _pane((0.03, 0.035, 0.04)),
+    # Panes and blinds before rooms that are lit by night, which have the colours of lamps of 2700
+    # and 4000 K, on walls that are not quite white; panes are as dark as any by day.
+    "room_warm": _pane((0.060, 0.028, 0.0076)),
+    "room_cool": _pane((0.048, 0.032, 0.018)),
+    "room_shop": _pane((0.048, 0.032, 0.018)),
+    "room_blind": Material((0.60, 0.50, 0.36), 0.75, CLOTH_77GHZ, CLOTH_LWIR),
     "rubber": Material((0.025, 0.025, 0.025), 0.04, RUBBER_77GHZ, RUBBER_LWIR),
     "black_plastic": Material((0.04, 0.04, 0.04), 0.06, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.5),
     "plastic_orange": Material((0.70, 0.15, 0.02), 0.60, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.6),

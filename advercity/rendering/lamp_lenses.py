@@ -1,4 +1,4 @@
-"""Lenses of lamps: which materials they are, how bright they are lit, and those of signals."""
+"""What shines by itself: lenses of lamps and signals, windows of lit rooms, and how bright."""
 
 from enum import IntEnum
 
@@ -13,13 +13,18 @@ from advercity.geometry.mesh import (
     join_surfaces,
     triangulate_polygon,
 )
+from advercity.materials import MATERIALS
+from advercity.physics.photometry import LUMINANCE_WEIGHTS
 from advercity.rendering.light_sources import signal_lens_position
 from advercity.semantics import Semantic
 from advercity.signal_heads import SIGNAL_HEADS, GovernedTraffic
 
 
 class LensKind(IntEnum):
-    """Materials that shine when their lamp is lit; 0 is every other material."""
+    """Materials that shine when their lamp is lit; 0 is every other material.
+
+    Lamps of rooms are lit when street lamps are. Their windows are seen, and light nothing.
+    """
 
     LAMP_WHITE = 1
     LAMP_RED = 2
@@ -28,12 +33,29 @@ class LensKind(IntEnum):
     SIGNAL_GREEN = 5
     LAMP_AMBER_LEFT = 6
     LAMP_AMBER_RIGHT = 7
+    ROOM_WARM = 8
+    ROOM_COOL = 9
+    ROOM_SHOP = 10
+    ROOM_BLIND = 11
 
 
+LENS_COUNT = 1 + len(LensKind)
+"""Numbers of kinds, that of every other material included."""
 LENS_KINDS = {kind.name.lower(): kind for kind in LensKind}
 """Kinds by material."""
 TAIL_LAMP_KCD_M2 = 1.2
 """Luminance of a red lens per albedo as a tail lamp, which is on with the low beam."""
+WARM_CD_M2, COOL_CD_M2, SHOP_CD_M2, BLIND_CD_M2 = 4.0, 8.0, 40.0, 2.4
+"""Luminance of windows from outside: walls that reflect half of 30 and 60 lx, assumptions for
+living rooms and kitchens in the evening, and of 300 lx in shops (EN 12464-1, sales areas), behind
+panes that let 85 % through; blinds that transmit a quarter of 30 lx."""
+
+
+def _per_albedo(luminance_cd_m2: float, material: str) -> float:
+    """Luminance in kcd/m² per albedo of a material whose luminance is given."""
+    return luminance_cd_m2 / 1e3 / float(np.dot(MATERIALS[material].albedo, LUMINANCE_WEIGHTS))
+
+
 LENS_KCD_M2 = {
     LensKind.LAMP_WHITE: 25.0,
     LensKind.LAMP_RED: 20.0,
@@ -43,6 +65,10 @@ LENS_KCD_M2 = {
     LensKind.SIGNAL_GREEN: 69.0,
     LensKind.LAMP_AMBER_LEFT: 40.0,
     LensKind.LAMP_AMBER_RIGHT: 40.0,
+    LensKind.ROOM_WARM: _per_albedo(WARM_CD_M2, "room_warm"),
+    LensKind.ROOM_COOL: _per_albedo(COOL_CD_M2, "room_cool"),
+    LensKind.ROOM_SHOP: _per_albedo(SHOP_CD_M2, "room_shop"),
+    LensKind.ROOM_BLIND: _per_albedo(BLIND_CD_M2, "room_blind"),
 }
 """Luminance of a lit lens per albedo; of a red one as a brake or fog lamp."""
 SNOWLESS_MATERIALS = frozenset({"glass", "rubber", "skin", *LENS_KINDS})
@@ -68,6 +94,10 @@ _LAMPS = {
     LensKind.LAMP_RED: Lamp.BRAKE | Lamp.FOG,
     LensKind.LAMP_AMBER_LEFT: Lamp.LEFT,
     LensKind.LAMP_AMBER_RIGHT: Lamp.RIGHT,
+    **dict.fromkeys(
+        (LensKind.ROOM_WARM, LensKind.ROOM_COOL, LensKind.ROOM_SHOP, LensKind.ROOM_BLIND),
+        Lamp.LOW_BEAM,
+    ),
 }
 _SIGNALS = {
     LensKind.SIGNAL_RED: Signal.RED,
@@ -87,11 +117,11 @@ def compute_lens_luminances(
     """Compute the luminance in kcd/m² per albedo of every kind of lens of a body, by its number.
 
     Args:
-        lamps: Lit lamps of a vehicle.
+        lamps: Lit lamps of a vehicle; of what is static, `LOW_BEAM` where street lamps are lit.
         signal: What a traffic light shows.
         light_ratio: Light of tail lamps, or of the traffic light, relative to its mean.
     """
-    luminances = [0.0] * (1 + len(LensKind))
+    luminances = [0.0] * LENS_COUNT
     for kind, lamp in _LAMPS.items():
         luminances[kind] = LENS_KCD_M2[kind] if lamps & lamp else 0.0
     if lamps & Lamp.LOW_BEAM and not luminances[LensKind.LAMP_RED]:

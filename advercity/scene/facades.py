@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from advercity.assets.lettering import WritingPlane, write_text
 from advercity.geometry.arrays import Float64Array
@@ -27,6 +28,11 @@ SHUTTER_FRACTION = 0.34
 """Width of a shutter as a fraction of the window's."""
 _LIGHT_ACCENTS = ("cloth_yellow",)
 MAX_BLIND_FRACTION = 0.75
+LIT_ROOM_FRACTION, LIT_SHOP_FRACTION, COOL_FRACTION = 0.35, 0.7, 0.3
+"""Fractions of rooms and shops that are lit by night, and of rooms with lamps of cool white:
+assumptions for an evening."""
+CURTAINED_FRACTION, CURTAIN_FRACTION = 0.4, 0.17
+"""Fraction of windows with a curtain at either side, and the part of the width that one covers."""
 
 
 @dataclass(frozen=True)
@@ -179,19 +185,16 @@ def _fill_windows(
 ) -> SurfaceMaterials:
     """Fill openings (n, 3), of half heights (n, 3), with panes, frames, blinds and sills."""
     width = storey.width_m
+    is_lit = draw.random(len(centres)) < (
+        LIT_SHOP_FRACTION if storey.is_shop else LIT_ROOM_FRACTION
+    )
     parts: SurfaceMaterials = [
-        (rectangles(centres, (width / 2, 0, 0), half), "glass"),
+        *_build_panes(centres, half, is_lit, storey, draw),
         (_build_frames(centres, half, width, has_mullion=not storey.is_shop), style.trim),
     ]
     if storey.is_shop:
         return [*parts, *_build_shop_front(centres, half, width, style, draw)]
-    has_blind = draw.random(len(centres)) < style.blind_fraction
-    if has_blind.any():
-        fraction = draw.uniform(0.15, MAX_BLIND_FRACTION, (int(has_blind.sum()), 1))
-        covered = half[has_blind] * fraction
-        raised = centres[has_blind] + half[has_blind] - covered - (0.0, 0.01, 0.0)
-        blinds = rectangles(raised, (width / 2 - FRAME_M, 0, 0), covered)
-        parts.append((blinds, "cloth_light"))
+    parts += _build_blinds(centres, half, is_lit, width, style.blind_fraction, draw)
     if style.has_shutters:
         parts.append((_build_shutters(centres, half, width), style.accent))
     if storey.has_balconies:
@@ -204,6 +207,60 @@ def _fill_windows(
         for x, _, z in centres - half
     ]
     return [*parts, (join_surfaces(sills), style.trim)]
+
+
+def _build_panes(
+    centres: Float64Array,
+    half: Float64Array,
+    is_lit: NDArray[np.bool_],
+    storey: Storey,
+    draw: np.random.Generator,
+) -> SurfaceMaterials:
+    """Build a pane in each opening, of the material of the light behind it."""
+    is_cool = draw.random(len(centres)) < COOL_FRACTION
+    kinds = (
+        ("glass", ~is_lit),
+        ("room_shop", is_lit & storey.is_shop),
+        ("room_warm", is_lit & ~is_cool & (not storey.is_shop)),
+        ("room_cool", is_lit & is_cool & (not storey.is_shop)),
+    )
+    return [
+        (rectangles(centres[chosen], (storey.width_m / 2, 0, 0), half[chosen]), material)
+        for material, chosen in kinds
+        if chosen.any()
+    ]
+
+
+def _build_blinds(
+    centres: Float64Array,
+    half: Float64Array,
+    is_lit: NDArray[np.bool_],
+    width_m: float,
+    fraction: float,
+    draw: np.random.Generator,
+) -> SurfaceMaterials:
+    """Build blinds in a fraction of windows, and curtains at the sides of some others.
+
+    They are before the panes, which are opaque where nobody looks through them.
+    """
+    has_blind = draw.random(len(centres)) < fraction
+    covered = half * draw.uniform(0.15, MAX_BLIND_FRACTION, (len(centres), 1))
+    raised = centres + half - covered - (0.0, 0.01, 0.0)
+    clear = width_m / 2 - FRAME_M
+    curtain = CURTAIN_FRACTION * width_m / 2
+    aside, inside = np.array([clear - curtain, 0, 0]), centres - (0.0, 0.01, 0.0)
+    has_curtains = ~has_blind & (draw.random(len(centres)) < CURTAINED_FRACTION)
+    parts: SurfaceMaterials = []
+    for material, lit in (("cloth_light", ~is_lit), ("room_blind", is_lit)):
+        down, drawn = has_blind & lit, has_curtains & lit
+        cloths = [rectangles(raised[down], (clear, 0, 0), covered[down])]
+        cloths += [
+            rectangles(inside[drawn] + side * aside, (curtain, 0, 0), half[drawn])
+            for side in (-1, 1)
+        ]
+        if (down | drawn).any():
+            parts.append((join_surfaces(cloths), material))
+    return parts
 
 
 def _build_frames(

@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from advercity.geometry.mesh import TriangleSurface, join_surfaces
 from advercity.randomness import create_generator
 from advercity.rendering.raycaster import Raycaster, Rays
-from advercity.scene.facades import REVEAL_M, FacadeStyle, Storey, build_facade
+from advercity.scene.facades import (
+    CURTAINED_FRACTION,
+    LIT_ROOM_FRACTION,
+    LIT_SHOP_FRACTION,
+    REVEAL_M,
+    FacadeStyle,
+    Storey,
+    build_facade,
+)
 from advercity.semantics import Semantic
 from advercity.testing import build_flat_world
 
@@ -18,14 +26,16 @@ STOREY = Storey(
 )
 STYLE = FacadeStyle("brick", "enamel_white", "cloth_blue", blind_fraction=0.0)
 WIDTH_M = 12.0
+PANES = ("glass", "room_warm", "room_cool", "room_shop")
+CLOTHS = ("cloth_light", "room_blind")
 
 
 def build(*storeys: Storey, style: FacadeStyle = STYLE) -> list[tuple[TriangleSurface, str]]:
     return build_facade(WIDTH_M, storeys, style, create_generator("test"))
 
 
-def of(parts: list[tuple[TriangleSurface, str]], material: str) -> TriangleSurface:
-    return join_surfaces([surface for surface, name in parts if name == material])
+def of(parts: list[tuple[TriangleSurface, str]], *materials: str) -> TriangleSurface:
+    return join_surfaces([surface for surface, name in parts if name in materials])
 
 
 def corners(surface: TriangleSurface) -> NDArray[np.float64]:
@@ -46,7 +56,7 @@ def test_a_wall_has_the_area_that_its_openings_leave() -> None:
 
 
 def test_panes_are_set_back_and_as_wide_as_their_openings() -> None:
-    glass = of(build(replace(STOREY, door_at=None)), "glass")
+    glass = of(build(replace(STOREY, door_at=None)), *PANES)
     assert glass.vertices[:, 1] == pytest.approx(REVEAL_M)
     assert len(glass.triangles) == 4 * 2
     middles = np.unique(corners(glass)[..., 0].mean(axis=1).round(1))
@@ -76,8 +86,40 @@ def test_the_door_is_where_it_is_declared_and_begins_at_the_ground() -> None:
 @pytest.mark.parametrize(("fraction", "count"), [(0.0, 0), (1.0, 4)])
 def test_as_many_windows_have_blinds_as_declared(fraction: float, count: int) -> None:
     parts = build(replace(STOREY, door_at=None), style=replace(STYLE, blind_fraction=fraction))
-    blinds = [surface for surface, material in parts if material == "cloth_light"]
-    assert sum(len(blind.triangles) for blind in blinds) == 2 * count
+    cloths = corners(of(parts, *CLOTHS))
+    # Curtains cover a part of the width, blinds all of it but the frame.
+    is_blind = np.ptp(cloths[..., 0], axis=1) > 1.0
+    assert np.count_nonzero(is_blind) == 2 * count
+
+
+def test_a_third_of_the_rooms_is_lit_by_night_and_most_shops() -> None:
+    many = replace(STOREY, openings=2000, width_m=0.004, door_at=None)
+    rooms, shops = build(many), build(replace(many, is_shop=True))
+
+    def count_panes(parts: list[tuple[TriangleSurface, str]], *materials: str) -> int:
+        return len(of(parts, *materials).triangles) // 2
+
+    assert count_panes(rooms, *PANES) == count_panes(shops, *PANES) == 2000
+    lit = count_panes(rooms, "room_warm", "room_cool")
+    assert lit == pytest.approx(2000 * LIT_ROOM_FRACTION, rel=0.1)
+    assert 0 < count_panes(rooms, "room_cool") < count_panes(rooms, "room_warm")
+    assert count_panes(shops, "room_shop") == pytest.approx(2000 * LIT_SHOP_FRACTION, rel=0.1)
+
+
+def test_blinds_and_curtains_shine_before_lit_rooms_alone() -> None:
+    storeys = [replace(STOREY, bottom_m=3.0 * n, door_at=None) for n in range(200)]
+    parts = build(*storeys, style=replace(STYLE, blind_fraction=0.5))
+
+    def places(*materials: str) -> set[tuple[int, int]]:
+        """Bay and storey of each surface."""
+        middles = corners(of(parts, *materials)).mean(axis=1)
+        bays, floors = np.floor(middles[:, 0] / 3.0), np.floor(middles[:, 2] / 3.0)
+        return set(zip(bays.astype(int).tolist(), floors.astype(int).tolist(), strict=True))
+
+    assert places("room_blind") < places("room_warm", "room_cool")
+    assert places("cloth_light") < places("glass")
+    covered = len(places(*CLOTHS)) / 800
+    assert covered == pytest.approx(0.5 + 0.5 * CURTAINED_FRACTION, abs=0.06)
 
 
 def test_shops_have_a_sign_above_undivided_panes() -> None:

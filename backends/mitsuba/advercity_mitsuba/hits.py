@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from advercity.materials import Texture
+from advercity.rendering.lamp_lenses import LENS_COUNT
 from advercity_mitsuba.detail import compute_detail
 from advercity_mitsuba.geometry import SEMANTIC_SHIFT, DeviceTables
 from advercity_mitsuba.images import DeviceImages, is_unordered, sample_images
@@ -141,7 +142,7 @@ def fetch_hit(scene: Scene, crossing: Crossing, origin: Any, ray: Any, active: A
     # field, on both.
     back = dr.dot(dr.select(is_leaf, normal, face), ray) > 0.0
     normal = dr.select(back & ~is_blade, -normal, normal)
-    lens = dr.gather(mi.Float, placed.luminances, row * 8 + mi.UInt32(second.z), active)
+    lens = dr.gather(mi.Float, placed.luminances, row * LENS_COUNT + mi.UInt32(second.z), active)
     position = origin + ray * crossing.distance
     along_world = third.y > 0.0
     at, right = _find_world_plane(kind, position, normal)

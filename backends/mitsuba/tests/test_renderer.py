@@ -199,6 +199,16 @@ def test_the_denoiser_leaves_lenses_as_they_are(backend: MitsubaBackend) -> None
     assert denoised[~shines].max() < 0.1 * traced.max()
 
 
+@pytest.mark.parametrize(("night", "luminance_cd_m2"), [(True, 8.0), (False, 0.0)])
+def test_windows_of_rooms_shine_by_night(
+    backend: MitsubaBackend, night: bool, luminance_cd_m2: float
+) -> None:
+    world = build_world((build_box((10, 0, 0), (1, 40, 40), "room_cool"),))
+    air, empty = build_clear_air(night=night), build_frame()
+    seen = brightness(render(backend, air, world=world, frame=empty))
+    assert seen[SIZE[1] // 2, SIZE[0] // 2] == pytest.approx(luminance_cd_m2, rel=0.01, abs=0.1)
+
+
 @pytest.mark.parametrize("across", [1.0, -1.0], ids=["from the front", "from behind"])
 def test_blades_of_crops_are_lit_as_their_field(backend: MitsubaBackend, across: float) -> None:
     y = [across, -across, 0.0]

@@ -171,6 +171,15 @@ def test_a_pane_shows_what_is_behind_it_and_is_labelled_itself(opened: Open) -> 
     assert centre(bare.depth) == pytest.approx(9.5, abs=0.01)
 
 
+@pytest.mark.parametrize(("night", "luminance_cd_m2"), [(True, 40.0), (False, 0.0)])
+def test_windows_of_shops_shine_by_night(opened: Open, night: bool, luminance_cd_m2: float) -> None:
+    pane = build_box((10.0, 0.0, 0.0), (1.0, 40.0, 40.0), "room_shop")
+    with opened(world_of(pane), air_of(night=night), samples=64) as renderer:
+        renderer.place(frame_of())
+        seen = renderer.render_camera(view_of())
+    assert centre(luminance(seen)) == pytest.approx(luminance_cd_m2, rel=0.01, abs=0.1)
+
+
 def test_unfetched_images_do_no_harm(opened: Open) -> None:
     with opened(world_of(), air_of(sky=uniform(1000.0))) as renderer:
         renderer.place(frame_of(state(1, (8.0, 0.0, 0.0))))

@@ -27,5 +27,9 @@ float lensEmission(int kind, int lit) {
   }
   if (kind == LENS_LAMP_AMBER_LEFT) return (lit & LIT_LEFT) != 0 ? LAMP_AMBER_LEFT_LUMINANCE : 0.0;
   if (kind == LENS_LAMP_AMBER_RIGHT) return (lit & LIT_RIGHT) != 0 ? LAMP_AMBER_RIGHT_LUMINANCE : 0.0;
-  return 0.0;
+  if ((lit & LIT_LOW_BEAM) == 0) return 0.0;
+  if (kind == LENS_ROOM_WARM) return ROOM_WARM_LUMINANCE;
+  if (kind == LENS_ROOM_COOL) return ROOM_COOL_LUMINANCE;
+  if (kind == LENS_ROOM_SHOP) return ROOM_SHOP_LUMINANCE;
+  return kind == LENS_ROOM_BLIND ? ROOM_BLIND_LUMINANCE : 0.0;
 }
