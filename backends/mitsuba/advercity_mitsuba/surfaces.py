@@ -11,6 +11,7 @@ from advercity.geometry.mesh import Mesh
 from advercity.material_maps import MaterialMaps
 from advercity.materials import ACTOR_PAINT, MATERIALS
 from advercity.rendering.lamp_lenses import LENS_KINDS, is_snowless
+from advercity.rendering.panes import is_seen_through
 from advercity.rendering.raycaster import MATERIAL_INDEX, MATERIAL_NAMES
 
 COLUMNS = 12
@@ -62,7 +63,7 @@ class SurfaceTable:
         material = MATERIAL_NAMES[0] if is_painted else mesh.material
         flags = SurfaceFlag.PAINTED if is_painted else _find_flags(material)
         axes = -1 if mesh.uv is not None else int(is_static)
-        if MATERIALS[material].is_transparent and axes == 0:
+        if is_seen_through(mesh, is_static=is_static):
             flags |= SurfaceFlag.PANE
         own = mesh.maps or ("" if is_painted else MATERIALS[material].maps)
         maps = own if axes and own in self._maps else ""

@@ -199,6 +199,19 @@ def test_the_denoiser_leaves_lenses_as_they_are(backend: MitsubaBackend) -> None
     assert denoised[~shines].max() < 0.1 * traced.max()
 
 
+def test_static_panes_are_seen_through_as_sapiens_are(backend: MitsubaBackend) -> None:
+    shelter = build_box((8, 1, 1), (0.02, 3, 2), "glass", Semantic.STATIC)
+    window = build_box((8, -3, 1), (0.02, 3, 2), "glass", Semantic.BUILDING)
+    world, empty = build_world((*STATIC, shelter, window)), build_frame()
+    found, expected = (
+        render(each, DAY, world=world, frame=empty) for each in (backend, load_backend("sapien"))
+    )
+    for at in ((17, 30), (17, 44)):
+        assert found.semantic[at] == expected.semantic[at]
+        seen, right = brightness(found)[at], brightness(expected)[at]
+        assert seen == pytest.approx(right, rel=0.1), at
+
+
 @pytest.mark.parametrize(("night", "luminance_cd_m2"), [(True, 8.0), (False, 0.0)])
 def test_windows_of_rooms_shine_by_night(
     backend: MitsubaBackend, night: bool, luminance_cd_m2: float

@@ -16,6 +16,7 @@ from advercity.geometry.mesh import Mesh, MeshLayer, Wheel
 from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.materials import MATERIALS
 from advercity.rendering.lamp_lenses import LENS_KINDS, build_signal_lenses, is_snowless
+from advercity.rendering.panes import PANE_MATERIALS, is_seen_through
 from advercity.semantics import Semantic
 from advercity.world import SignalLamp, World
 from advercity_sapien.culling import ANY_PIXEL, FrustumCuller, PixelRange
@@ -39,7 +40,6 @@ MAX_TILE_ROWS = 2**20
 PARKED_POSE = sapien.Pose([0.0, 0.0, -1e4])
 """Pose of spare bodies: far below anything visible."""
 
-PANE_MATERIALS = frozenset(name for name, item in MATERIALS.items() if item.is_transparent)
 Piece = Wheel | Literal["details", "panes", "distant panes"] | None
 """What of an actor is a body of its own; None is its shape without wheels and panes."""
 DETAIL_PIXEL_M = 0.15
@@ -63,30 +63,38 @@ class RenderShapeCache:
 
     def __init__(self, textures: MaterialTextures) -> None:
         self._textures = textures
-        self._materials: dict[tuple[str, str, MapAxes | None], sapien.render.RenderMaterial] = {}
+        self._materials: dict[
+            tuple[str, str, MapAxes | None, bool], sapien.render.RenderMaterial
+        ] = {}
         self._shapes: dict[Mesh, dict[tuple[str, bool], sapien.render.RenderShape]] = {}
 
     def create_shape(
-        self, mesh: Mesh, paint: str = "", *, is_static: bool = False
+        self, mesh: Mesh, paint: str = "", *, is_closed: bool = False
     ) -> sapien.render.RenderShape:
-        """Create a shape of a mesh that other bodies have, too."""
+        """Create a shape of a mesh that other bodies have, too; closed panes are opaque."""
         known = self._shapes.setdefault(mesh, {})
-        key = paint if mesh.material == PAINT_MATERIAL else mesh.material, is_static
+        key = paint if mesh.material == PAINT_MATERIAL else mesh.material, is_closed
         if key not in known:
-            known[key] = self.create_single_shape(mesh, paint, is_static=is_static)
+            is_pane = not is_closed and is_seen_through(mesh, is_static=False)
+            known[key] = self._create_shape(mesh, paint, None, is_pane=is_pane)
         return known[key].clone()
 
     def keep_only(self, meshes: Collection[Mesh]) -> None:
         """Free the shapes of all but some meshes; bodies keep those that they have."""
         self._shapes = {mesh: made for mesh, made in self._shapes.items() if mesh in meshes}
 
-    def create_single_shape(
-        self, mesh: Mesh, paint: str = "", *, is_static: bool = False
+    def create_static_shape(self, mesh: Mesh) -> sapien.render.RenderShape:
+        """Create a shape of a static mesh, which is not kept."""
+        is_pane = is_seen_through(mesh, is_static=True)
+        return self._create_shape(mesh, "", MapAxes.WORLD, is_pane=is_pane)
+
+    def _create_shape(
+        self, mesh: Mesh, paint: str, axes: MapAxes | None, *, is_pane: bool
     ) -> sapien.render.RenderShape:
-        """Create a shape of a mesh that is not kept; a painted part gets the material `paint`."""
-        axes = MapAxes.MESH if mesh.uv is not None else MapAxes.WORLD if is_static else None
+        """Create a shape; a painted part gets the material `paint`."""
+        own_axes = axes if mesh.uv is None else MapAxes.MESH
         name = paint if mesh.material == PAINT_MATERIAL else mesh.material
-        material = self._get_material(name, mesh.maps, axes)
+        material = self._get_material(name, mesh.maps, own_axes, is_pane=is_pane)
         vertices, triangles, normals, uv = _with_normals(mesh)
         if mesh.semantic in TWO_SIDED_CLASSES or mesh.material in LEAF_MATERIALS:
             triangles = np.concatenate([triangles, triangles[:, ::-1]])
@@ -99,13 +107,12 @@ class RenderShapeCache:
         )
 
     def _get_material(
-        self, name: str, own_maps: str, axes: MapAxes | None
+        self, name: str, own_maps: str, axes: MapAxes | None, *, is_pane: bool
     ) -> sapien.render.RenderMaterial:
-        key = name, own_maps, axes
+        key = name, own_maps, axes, is_pane
         if key not in self._materials:
             known = MATERIALS[name]
             # Emission is free to carry what the shaders need: they compute it from lens and lamps.
-            is_pane = known.is_transparent and axes is None
             material = sapien.render.RenderMaterial(
                 emission=[float(LENS_KINDS.get(name, 0)), known.texture, is_snowless(name), 0.0],
                 base_color=[*known.albedo, GLASS_ALPHA if is_pane else 1.0],
@@ -300,7 +307,9 @@ class SapienScene:
         self.culler.move_body(body, pose.p)
 
     def _add_static(self, number: int, mesh: Mesh, lit: int, pixel_m: PixelRange) -> None:
-        body = self._add([self._shapes.create_single_shape(mesh, is_static=True)])
+        body = self._add([self._shapes.create_static_shape(mesh)])
+        if is_seen_through(mesh, is_static=True):
+            body.shading_mode = GLASS_SHADING_MODE
         self._bindings.set_static_mesh(body, number)
         self._label_shapes(body, [mesh], 0)
         self._bindings.set_lit_lamps(body, lit)
@@ -308,9 +317,9 @@ class SapienScene:
         self.culler.add_body(body, low, high, pixel_m=pixel_m)
 
     def _add_piece(self, piece: Piece, meshes: Sequence[Mesh], paint: str) -> RenderBody:
-        is_static = piece == "distant panes"
+        is_closed = piece == "distant panes"
         body = self._add(
-            [self._shapes.create_shape(mesh, paint, is_static=is_static) for mesh in meshes]
+            [self._shapes.create_shape(mesh, paint, is_closed=is_closed) for mesh in meshes]
         )
         if piece == "panes":
             body.shading_mode = GLASS_SHADING_MODE

@@ -171,6 +171,21 @@ def test_a_pane_shows_what_is_behind_it_and_is_labelled_itself(opened: Open) -> 
     assert centre(bare.depth) == pytest.approx(9.5, abs=0.01)
 
 
+def test_static_panes_are_seen_through_unless_they_close_a_building(opened: Open) -> None:
+    wall = build_box((10.0, 0.0, 0.0), (1.0, 40.0, 40.0), "white")
+
+    def measure_behind(semantic: Semantic) -> float:
+        pane = build_box((6.0, 0.0, 0.0), (0.01, 4.0, 4.0), "glass", semantic)
+        with opened(world_of(wall, pane), air_of(sun_lx=1e4), samples=64) as renderer:
+            renderer.place(frame_of())
+            seen = renderer.render_camera(view_of())
+        assert centre(seen.semantic) == semantic
+        assert centre(seen.depth) == pytest.approx(6.0, abs=0.01)
+        return centre(luminance(seen))
+
+    assert measure_behind(Semantic.STATIC) > 5.0 * measure_behind(Semantic.BUILDING) > 0.0
+
+
 @pytest.mark.parametrize(("night", "luminance_cd_m2"), [(True, 40.0), (False, 0.0)])
 def test_windows_of_shops_shine_by_night(opened: Open, night: bool, luminance_cd_m2: float) -> None:
     pane = build_box((10.0, 0.0, 0.0), (1.0, 40.0, 40.0), "room_shop")
