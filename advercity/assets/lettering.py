@@ -1,41 +1,24 @@
-"""Writes letters and digits on bodies, such as registrations, as strokes of flat rectangles."""
+"""Writes capital letters and digits on surfaces, such as registrations and names of shops."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from advercity.assets.glyphs import SPACE, build_glyph
 from advercity.assets.vehicle_parts import make_vehicle_parts
-from advercity.geometry.mesh import MeshPart, TriangleSurface, xyz
-from advercity.geometry.primitives import plate, rectangles
+from advercity.geometry.mesh import MeshPart, TriangleSurface, join_surfaces, xyz
+from advercity.geometry.primitives import plate
 from advercity.randomness import create_generator
 
-WIDTH_FRACTION, PITCH_FRACTION, STROKE_FRACTION = 0.5, 0.72, 0.14
-"""Width of a character, distance to the next and thickness of strokes, in heights."""
 PLATE_SIZE_M = (0.52, 0.11)
 PLATE_TEXT_HEIGHT_M = 0.075
 PLATE_THICKNESS_M = 0.02
-STROKE_LIFT_M = 0.003
-"""Distance of strokes from what they are on."""
+LIFT_M = 0.003
+"""Distance of text from what it is on."""
 
-# Strokes of a display of seven segments: centre and half size in half widths and half heights.
-_STROKES: dict[str, tuple[float, float, bool]] = {
-    "a": (0, 1, True),
-    "b": (1, 0.5, False),
-    "c": (1, -0.5, False),
-    "d": (0, -1, True),
-    "e": (-1, -0.5, False),
-    "f": (-1, 0.5, False),
-    "g": (0, 0, True),
-}
-_CHARACTERS = {
-    "0": "abcdef", "1": "bc", "2": "abged", "3": "abgcd", "4": "fgbc",
-    "5": "afgcd", "6": "afgedc", "7": "abc", "8": "abcdefg", "9": "abcdfg",
-    "A": "abcefg", "C": "adef", "E": "adefg", "F": "aefg", "H": "bcefg",
-    "J": "bcde", "L": "def", "P": "abefg", "U": "bcdef", "Y": "bcdfg",
-    "B": "abcdefg", "G": "acdef", "I": "ef", "O": "abcdef", "S": "acdfg",
-}  # fmt: skip
-LETTERS, DIGITS = "ACEFHJLPUY", "0123456789"
+LETTERS, DIGITS = "ABCDEFGHJKLMNPRSTUVWXYZ", "0123456789"
+"""Of registrations, in which I, O and Q would be taken for digits."""
 
 
 @dataclass(frozen=True)
@@ -54,26 +37,30 @@ class WritingPlane:
 
 
 def write_text(text: str, plane: WritingPlane, height_m: float) -> TriangleSurface:
-    """Write text, centred; of `LETTERS`, B, G, I, O, S, `DIGITS` and spaces."""
+    """Write a text of `glyphs.CHARACTERS`, centred."""
     right, up = (np.asarray(axis, dtype=np.float64) for axis in (plane.right, plane.up))
-    half = height_m * np.array([WIDTH_FRACTION, 1.0]) / 2
-    thick = STROKE_FRACTION * height_m / 2
-    first = -(len(text) - 1) / 2
-    places: list[tuple[float, float]] = []
-    sizes: list[tuple[float, float]] = []
-    for number, character in enumerate(text):
-        column = (first + number) * PITCH_FRACTION * height_m
-        for stroke in _CHARACTERS.get(character, ""):
-            x, y, is_level = _STROKES[stroke]
-            places.append((column + x * (half[0] - thick), y * (half[1] - thick)))
-            sizes.append((half[0], thick) if is_level else (thick, half[1] / 2))
-    origin = np.asarray(plane.middle) + STROKE_LIFT_M * np.cross(right, up)
-    across, upward = np.array(places).T
-    return rectangles(
-        origin + np.outer(across, right) + np.outer(upward, up),
-        np.outer([width for width, _ in sizes], right),
-        np.outer([rise for _, rise in sizes], up),
-    )
+    facing = np.cross(right, up)
+    start = np.asarray(plane.middle) + LIFT_M * facing - height_m * up / 2
+    edge_m = -measure_text(text, height_m) / 2
+    written: list[TriangleSurface] = []
+    for glyph in map(build_glyph, text):
+        if glyph.surface is not None:
+            x, y, _ = height_m * glyph.surface.vertices.T
+            corners = start + np.outer(edge_m + x, right) + np.outer(y, up)
+            normals = np.broadcast_to(facing, corners.shape)
+            written.append(TriangleSurface(corners, glyph.surface.triangles, normals))
+        edge_m += height_m * (glyph.width + SPACE)
+    return join_surfaces(written)
+
+
+def measure_text(text: str, height_m: float) -> float:
+    """Measure the length of a text, metres."""
+    return height_m * (sum(build_glyph(one).width + SPACE for one in text) - SPACE)
+
+
+def fit_height(text: str, height_m: float, length_m: float) -> float:
+    """Compute the height up to `height_m` at which a text is no longer than `length_m`."""
+    return min(height_m, length_m / measure_text(text, 1.0))
 
 
 def build_number_plate(blueprint_id: str, middle: ArrayLike, facing: float) -> list[MeshPart]:

@@ -9,7 +9,7 @@ import numpy as np
 from advercity.assets.car_forms import CAB
 from advercity.assets.car_surface import CarSurface
 from advercity.assets.cars import build_body_on_wheels
-from advercity.assets.lettering import WritingPlane, build_number_plate, write_text
+from advercity.assets.lettering import WritingPlane, build_number_plate, fit_height, write_text
 from advercity.assets.vehicle_parts import build_axle, make_vehicle_parts
 from advercity.geometry.mesh import (
     MeshPart,
@@ -23,7 +23,7 @@ from advercity.geometry.primitives import box, rectangles, tube
 from advercity.materials import ACTOR_PAINT
 from advercity.randomness import create_generator
 
-_HAULIERS = "ALPHA CAFE", "FJELL GLASS", "GALA PAPEL", "COAL BASE", "SOFA HAUL"
+_HAULIERS = "BREAD DAILY", "FJELL GLASS", "MOVING HOME", "QUICK PARCELS", "RIVER PAPER", "SOFA HAUL"
 _MIN_CARGO_M3 = 8.0
 """Volume above which a white box of a truck's model is its cargo box."""
 _BOX_TRIANGLES = 12
@@ -146,7 +146,9 @@ def _build_cargo_trim(blueprint_id: str, cargo: _CargoBox) -> list[MeshPart]:
     stripe = box((rear + 0.3, -out, low + 0.5), (front - 0.34, out, low + 0.95))
     return [
         *make_vehicle_parts(ACTOR_PAINT, stripe),
-        *_build_lettering(blueprint_id, (rear + front - 0.04) / 2, out, low + 0.725),
+        *_build_lettering(
+            blueprint_id, (rear + front - 0.04) / 2, out, low + 0.725, 0.85 * (front - rear - 0.64)
+        ),
         *_build_cargo_frame(cargo),
         *_build_cargo_doors(cargo),
     ]
@@ -213,11 +215,14 @@ def _build_outline(
     ]
 
 
-def _build_lettering(blueprint_id: str, x: float, side: float, z: float) -> list[MeshPart]:
-    """Write the name of a fictional haulier on both flanks."""
+def _build_lettering(
+    blueprint_id: str, x: float, side: float, z: float, length_m: float
+) -> list[MeshPart]:
+    """Write the name of a fictional haulier on both flanks, no longer than a length."""
     name = str(create_generator("haulier", blueprint_id).choice(_HAULIERS))
+    height_m = fit_height(name, 0.26, length_m)
     texts = [
-        write_text(name, WritingPlane((x, sign * side, z), (-sign, 0, 0)), 0.26)
+        write_text(name, WritingPlane((x, sign * side, z), (-sign, 0, 0)), height_m)
         for sign in (1.0, -1.0)
     ]
     return make_vehicle_parts("car_paint_white", *texts)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.assets.lettering import WritingPlane, write_text
+from advercity.assets.lettering import WritingPlane, fit_height, write_text
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import TriangleSurface, join_surfaces
 from advercity.geometry.primitives import box, rectangles
@@ -22,7 +22,10 @@ SurfaceMaterials = list[tuple[TriangleSurface, str]]
 REVEAL_M, FRAME_M, SILL_M = 0.14, 0.06, 0.07
 """Depth of openings, width of frames, and how far sills stand out."""
 ROOM_DEPTH_M = 3.0
-SHOP_NAMES = ("CAFE", "COFFEE", "SHOES", "BAGS", "FISH", "CHEESE", "JUICE", "GLASS", "BICYCLES")
+SHOP_NAMES = (
+    *("BAKERY", "BICYCLES", "BOOKS", "CAFE", "FISHMONGER", "FLOWERS", "HATS", "KEYS"),
+    *("MARKET", "OPTICIAN", "PHARMACY", "PIANOS", "SHOES", "TAILOR", "TOYS", "TRAVEL"),
+)
 SHOP_LETTER_M = 0.32
 SHUTTER_FRACTION = 0.34
 """Width of a shutter as a fraction of the window's."""
@@ -303,7 +306,7 @@ def _build_shop_front(
     sign = box((low, -0.12, top + 0.08), (high, -0.005, top + 0.55))
     awnings = [_build_awning(x, width_m, top) for x in centres[:, 0] if draw.random() < 0.35]
     word = str(draw.choice(SHOP_NAMES))
-    height_m = min(SHOP_LETTER_M, 0.9 * (high - low) / len(word))
+    height_m = fit_height(word, SHOP_LETTER_M, 0.9 * (high - low))
     plane = WritingPlane(((low + high) / 2, -0.12, top + 0.32), (1.0, 0.0, 0.0))
     name = write_text(word, plane, height_m)
     lettering = "black_plastic" if style.accent in _LIGHT_ACCENTS else "enamel_white"

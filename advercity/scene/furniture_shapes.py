@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from advercity.assets.lettering import WritingPlane, write_text
+from advercity.assets.lettering import WritingPlane, fit_height, write_text
 from advercity.assets.two_wheelers import build_parked_bicycle
 from advercity.geometry.mesh import TriangleSurface, join_surfaces, move_surface, repeat_surface
 from advercity.geometry.primitives import box, ellipsoid, loft_rings, rectangles, tube
@@ -27,7 +27,16 @@ _LEAN_M = 0.12
 """Distance of a bicycle from the hoop that it is locked to."""
 _BOARD_M, _FIELD_M, _BOARD_HALF_M = 0.25, 0.5, 0.012
 """Height of the boards of a barrier, length of their red and white fields, half their thickness."""
-_WORDS = ("CAFE", "BIG SALE", "COFFEE", "SHOES", "JUICE", "CHEESE", "GOLF", "OFFICES")
+_WORDS = (
+    "BIG SALE",
+    "COFFEE",
+    "NEW FLATS",
+    "JAZZ NIGHT",
+    "CIRCUS",
+    "RIPE PLUMS",
+    "GOLF",
+    "OFFICES",
+)
 
 
 @dataclass(frozen=True)
@@ -208,7 +217,7 @@ def _build_hoarding(draw: np.random.Generator) -> Parts:
     field = rectangles(
         [(0.008, 0, (split + 0.97 + 1.8) / 2)], (0, 1.28, 0), (0, 0, (1.8 - 0.97 - split) / 2)
     )
-    height_m = min(0.55, 2.2 / (0.72 * len(word)))
+    height_m = fit_height(word, 0.5, 2.2)
     text = write_text(word, WritingPlane((0.01, 0, 2.15), (0, 1, 0)), height_m)
     posts = [box((-0.12, y - 0.05, -0.4), (-0.06, y + 0.05, 2.6)) for y in (-1.0, 1.0)]
     return [

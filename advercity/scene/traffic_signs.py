@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from advercity_dsl.road import SignKind
 
+from advercity.assets.lettering import WritingPlane, fit_height, write_text
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import MeshPart, TriangleSurface, join_surfaces, move_surface
 from advercity.geometry.primitives import plate, rectangles, tube
@@ -12,25 +13,8 @@ from advercity.roads.signals import TrafficSign
 from advercity.semantics import Semantic
 
 _SIGN_HEIGHT_M = 2.2
-_SEGMENTS = {
-    "a": (0, 2, 1, 2),
-    "b": (1, 1, 1, 2),
-    "c": (1, 0, 1, 1),
-    "d": (0, 0, 1, 0),
-    "e": (0, 0, 0, 1),
-    "f": (0, 1, 0, 2),
-    "g": (0, 1, 1, 1),
-}
-_DIGITS = ["abcdef", "bc", "abged", "abgcd", "fgbc", "afgcd", "afgedc", "abc", "abcdefg", "abcfgd"]
-"""Segments of the digits 0 to 9 on a seven-segment display."""
-_STROKES = {
-    "S": ((0, 2, 1, 2), (0, 1, 0, 2), (0, 1, 1, 1), (1, 0, 1, 1), (0, 0, 1, 0)),
-    "T": ((0, 2, 1, 2), (0.5, 0, 0.5, 2)),
-    "O": ((0, 0, 0, 2), (1, 0, 1, 2), (0, 0, 1, 0), (0, 2, 1, 2)),
-    **{str(digit): tuple(_SEGMENTS[name] for name in lit) for digit, lit in enumerate(_DIGITS)},
-    "P": ((0, 0, 0, 2), (0, 2, 1, 2), (0, 1, 1, 1), (1, 1, 1, 2)),
-}
-"""Strokes of letters on a grid one wide and two high: from x, z to x, z."""
+_FACE_M = 0.072
+"""Of what is on a sign before its mast; text is a little further."""
 
 
 def build_traffic_sign(sign: TrafficSign, ground_m: float) -> list[MeshPart]:
@@ -58,13 +42,11 @@ def _mount_on_mast(
 
 
 def _build_stop_face() -> list[tuple[TriangleSurface, str]]:
-    middle = np.array([0.075, 0.0, _SIGN_HEIGHT_M])
-    letters = _build_letters("STOP", middle, width_m=0.115, height_m=0.24)
     return [
         (_build_polygon_plate(8, 0.40, 0.04, np.pi / 8), "metal"),
         (_build_polygon_plate(8, 0.40, 0.05, np.pi / 8), "sign_white"),
         (_build_polygon_plate(8, 0.37, 0.06, np.pi / 8), "sign_red"),
-        (letters, "sign_white"),
+        (_write_on_face("STOP", 0.27, 0.62), "sign_white"),
     ]
 
 
@@ -77,12 +59,11 @@ def _build_yield_face() -> list[tuple[TriangleSurface, str]]:
 
 
 def _build_limit_face(number: str) -> list[tuple[TriangleSurface, str]]:
-    size = {"width_m": 0.17 if len(number) < 3 else 0.12, "height_m": 0.34}
     return [
         (_build_polygon_plate(20, 0.36, 0.04, 0.0), "metal"),
         (_build_polygon_plate(20, 0.36, 0.05, 0.0), "sign_red"),
         (_build_polygon_plate(20, 0.285, 0.06, 0.0), "sign_white"),
-        (_build_letters(number, np.array([0.075, 0.0, _SIGN_HEIGHT_M]), **size), "black_plastic"),
+        (_write_on_face(number, 0.34, 0.47), "black_plastic"),
     ]
 
 
@@ -95,27 +76,9 @@ def _build_polygon_plate(
     return plate(np.column_stack([np.full(sides, x), radius * np.cos(angle), z]), 0.01)
 
 
-def _build_letters(
-    text: str, middle: Float64Array, *, width_m: float, height_m: float
-) -> TriangleSurface:
-    """Build flat letters that face x and so read from -y to +y."""
-    half_stroke = 0.02
-    strokes = [
-        (*stroke, index - (len(text) - 1) / 2)
-        for index, letter in enumerate(text)
-        for stroke in _STROKES[letter]
-    ]
-    x0, z0, x1, z1, column = np.array(strokes).T
-    y = 1.42 * width_m * column + width_m * ((x0 + x1) / 2 - 0.5)
-    z = height_m * ((z0 + z1) / 4 - 0.5)
-    across = width_m * np.abs(x1 - x0) / 2 + half_stroke
-    upward = height_m * np.abs(z1 - z0) / 4 + half_stroke
-    zero = np.zeros(len(y))
-    return rectangles(
-        middle + np.column_stack([zero, y, z]),
-        np.column_stack([zero, across, zero]),
-        np.column_stack([zero, zero, upward]),
-    )
+def _write_on_face(text: str, height_m: float, length_m: float) -> TriangleSurface:
+    plane = WritingPlane((_FACE_M, 0.0, _SIGN_HEIGHT_M), (0.0, 1.0, 0.0))
+    return write_text(text, plane, fit_height(text, height_m, length_m))
 
 
 def build_sign(kind: SignKind, foot: Float64Array, yaw: float) -> list[MeshPart]:

@@ -10,7 +10,6 @@ from embreex.rtcore_scene import EmbreeScene
 
 from advercity.assets.bodies import build_body
 from advercity.assets.body_pose import BodyShape
-from advercity.assets.lettering import WritingPlane, write_text
 from advercity.assets.rigged_bodies import pose_body
 from advercity.geometry.mesh import Mesh, MeshLayer
 from advercity.materials import MATERIALS, Texture
@@ -224,21 +223,6 @@ def test_a_beam_through_the_windscreen_meets_the_driver(name: str):
     start = head + np.array([20.0, 0.0, 0.6])
     face = scene.run(start[None].astype(np.float32), (head - start)[None].astype(np.float32))
     assert layers[int(face[0])] is MeshLayer.OCCUPANT
-
-
-def test_registrations_are_written_as_a_reader_before_the_plate_sees_them():
-    plane = WritingPlane((2.0, 0.0, 0.5), (0.0, 1.0, 0.0))
-    text = write_text("L1", plane, 0.1)
-    middles = text.vertices[text.triangles].mean(axis=1)
-    # L has a stroke at its foot, left of the middle; 1 has only strokes on its right.
-    assert middles[:, 1].min() < -0.05
-    assert middles[middles[:, 2] < 0.456][:, 1].max() < 0.0
-    assert middles[:, 1].max() == pytest.approx(0.036 + 0.025 - 0.007, abs=0.005)
-    assert (text.vertices[:, 0] > 2.0).all()
-    assert text.normals is not None
-    np.testing.assert_allclose(
-        text.normals, np.tile([1.0, 0, 0], (len(text.normals), 1)), atol=1e-12
-    )
 
 
 @every_blueprint
