@@ -4,9 +4,13 @@ import ctypes
 import os
 import signal
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 
 PR_SET_PDEATHSIG = 1
 """From `linux/prctl.h`."""
+MISSING_PROGRAM = 127
+"""Exit code of a command whose program does not start."""
 
 
 def end_with_parent(parent_pid: int) -> None:
@@ -23,3 +27,26 @@ def end_with_parent(parent_pid: int) -> None:
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != parent_pid:
         os.kill(os.getpid(), signal.SIGKILL)
+
+
+def bind_to_this_process(command: Sequence[str]) -> list[str]:
+    """Return a command that runs another one, with its exit code, which ends with this process.
+
+    For programs that cannot call `end_with_parent` themselves. The first word is a path; where no
+    program is there, the exit code is that of shells, 127.
+    """
+    # Isolated, so that neither the working folder nor the user's settings choose what is imported.
+    return [sys.executable, "-I", str(Path(__file__).resolve()), str(os.getpid()), *command]
+
+
+def _main(parent_pid: str, *command: str) -> None:
+    end_with_parent(int(parent_pid))
+    try:
+        os.execv(command[0], command)  # noqa: S606 - there is no shell on purpose
+    except OSError as error:
+        print(f"{command[0]}: {error.strerror}", file=sys.stderr)
+        sys.exit(MISSING_PROGRAM)
+
+
+if __name__ == "__main__":
+    _main(*sys.argv[1:])

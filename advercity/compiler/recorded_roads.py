@@ -22,6 +22,7 @@ from advercity.compiler.library import Library, load_library
 from advercity.compiler.shipped_library import find_shipped_library, suggest_declaration
 from advercity.compiler.spec_files import check_spec_files
 from advercity.compiler.suites import CONNECTED_CLASSES
+from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.errors import InputError, report_write_errors
 from advercity.output_files import open_output_folder
 from advercity.recordings.bodies import select_blueprint
@@ -147,10 +148,23 @@ def write_recorded_road(
         road["traffic"] = _NO_TRAFFIC
         _write_yaml(folder / ROAD_FILE, road)
         _write_yaml(folder / SUITE_FILE, _build_suite(name, choice, bodies, to_s - from_s))
-        specs = compile_library(find_shipped_library(), folder, suite=name)
+        try:
+            specs = compile_library(find_shipped_library(), folder, suite=name)
+        except DiagnosticsError as error:
+            lines = (_describe_problem(item, site, site_name) for item in error.diagnostics)
+            raise InputError(*lines) from None
         _check_places(specs[0], cut_tracks(kept, from_s, to_s))
         check_spec_files(specs, output / SPECS_FOLDER)  # before anything is written
     return specs
+
+
+def _describe_problem(found: Diagnostic, site: Path, site_name: str) -> str:
+    """Describe a problem of the library without its place, since its files are gone by then.
+
+    What depends on the user is the map, which has another name there.
+    """
+    hint = f"; {found.hint}" if found.hint else ""
+    return f"{site}: {found.message.removeprefix(f'{site_name}: ')}{hint}"
 
 
 _NO_TRAFFIC = {

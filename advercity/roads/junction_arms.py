@@ -160,7 +160,7 @@ def find_junctions(planner: RoutePlanner, wanted: str | Sequence[str]) -> tuple[
             kinds = sorted({planner.controls.get(name, "none") for name in arms})
             raise InputError(
                 f"no junction '{wanted}', nor one with this rule of right of way;"
-                f" this road has {', '.join(kinds)}"
+                f" this road has {', '.join(kinds) or 'no junctions'}"
             )
         return found
     names = (wanted,) if isinstance(wanted, str) else tuple(wanted)

@@ -7,6 +7,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 from advercity_dsl import MapFile, MapNetwork, Road
+from advercity_dsl.road.extent import MAX_SITE_M
 
 from advercity.errors import InputError
 from advercity.roads.imported_crossings import (
@@ -16,7 +17,7 @@ from advercity.roads.imported_crossings import (
 )
 from advercity.roads.map_files import read_map_file
 from advercity.roads.map_names import get_map_id, read_street_names, rename_network
-from advercity.roads.network_file import parse_network
+from advercity.roads.network_file import SumoLane, SumoNetwork, parse_network
 from advercity.roads.opendrive_junctions import add_outlines, detach_connecting_roads
 from advercity.roads.osm_map import REMOVED_TYPE, OsmMap, add_sidewalks, mark_paths
 from advercity.roads.osm_roundabouts import round_roundabouts
@@ -31,6 +32,9 @@ from advercity.roads.sumo_xml import (
 EARTH_RADIUS_M = 6_371_000.0
 MAX_MAP_DISTANCE_M = 20_000.0
 """Longest distance from the road's origin to its map; a plane fits the globe to centimetres."""
+MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90, 180
+MAX_LANE_WIDTH_M = 60.0
+"""As of a declared strip."""
 LANE_TYPES = """<types>
   <type id="driving" priority="1" speed="13.89" width="3.5" disallow="pedestrian"/>
   <type id="entry" priority="1" speed="22.22" width="3.5" disallow="pedestrian"/>
@@ -82,7 +86,8 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     Its file is relative to `folder`; the road's origin locates latitudes and longitudes.
 
     Raises:
-        InputError: The file is missing, unsafe, of another kind, or without a lane for cars.
+        InputError: The file is missing, unsafe, of another kind, too large, or without a lane for
+            cars.
         RunError: `netconvert` does not run.
     """
     found = read_map_file(declared, folder)
@@ -93,6 +98,7 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
         if road.land_use == "urban":
             add_sidewalks(OsmMap.around(road, found.root))
     converted = _convert(found.root, options, declared)
+    _check_lanes(_parse_converted(converted, declared), declared)
     marked = take_crosswalks(converted)
     if declared.source == "osm":
         marked = OsmMap.around(road, found.root).list_points("highway", "crossing")
@@ -102,11 +108,43 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     rename_network(net, read_street_names(converted))
     connecting = detach_connecting_roads(found.root) if declared.source == "opendrive" else None
     if connecting is not None:
-        lanes = parse_network(_convert(connecting, OPENDRIVE_OPTIONS, declared)).lanes
-        add_outlines(net, lanes, declared.extent_m)
-    if not any(lane.permits("passenger") for lane in parse_network(net).lanes):
-        raise InputError(f"{declared.file}: has no lane for cars{_describe_extent(declared)}")
+        paved = _parse_converted(_convert(connecting, OPENDRIVE_OPTIONS, declared), declared)
+        add_outlines(net, paved.lanes, declared.extent_m)
     return MapNetwork(source=declared.source, sha256=found.sha256, network=pack_network(net))
+
+
+def _parse_converted(net: Element, declared: MapFile) -> SumoNetwork:
+    """Parse what netconvert has written: it also writes numbers of a map that are none."""
+    try:
+        return parse_network(net)
+    except ValueError as error:
+        raise InputError(f"{declared.file}: netconvert cannot use it: {error}") from None
+
+
+def _check_lanes(network: SumoNetwork, declared: MapFile) -> None:
+    """Check that a network has room for a car, and is no larger than a site may be."""
+    # A world of a shorter lane would have none: points of its line that are so close are left out.
+    if not any(lane.is_driving_lane and len(lane.centre) > 1 for lane in network.lanes):
+        raise InputError(f"{declared.file}: has no lane for cars{_describe_extent(declared)}")
+    for lane in network.lanes:
+        if not 0 < lane.width_m <= MAX_LANE_WIDTH_M:
+            raise InputError(
+                f"{declared.file}: has a lane that is {lane.width_m:g} m wide,"
+                f" {_describe_lane(lane)}; lanes are at most {MAX_LANE_WIDTH_M:g} m wide"
+            )
+    points = np.concatenate([lane.shape for lane in network.lanes])
+    ways = ("from west to east", "from south to north")
+    for size_m, way in zip(np.ptp(points[:, :2], axis=0), ways, strict=True):
+        if not size_m <= MAX_SITE_M:
+            raise InputError(
+                f"{declared.file}: its lanes are {size_m:g} m {way}; the limit is {MAX_SITE_M:g} m,"
+                " to which `extent_m` cuts a map"
+            )
+    height_m = points[np.abs(points[:, 2]).argmax(), 2]
+    if not abs(height_m) <= MAX_SITE_M:
+        raise InputError(
+            f"{declared.file}: has a lane {height_m:g} m above zero; the limit is {MAX_SITE_M:g} m"
+        )
 
 
 def _find_ways_of_cars(root: Element, options: Mapping[str, str], declared: MapFile) -> set[str]:
@@ -184,6 +222,13 @@ def _build_projection(declared: MapFile, road: Road, root: Element) -> str:
         raise InputError(f"{declared.file}: has a node without latitude and longitude") from None
     if not nodes:
         raise InputError(f"{declared.file}: has no nodes")
+    for latitude, longitude in nodes:
+        if not (abs(latitude) <= MAX_LATITUDE_DEG and abs(longitude) <= MAX_LONGITUDE_DEG):
+            raise InputError(
+                f"{declared.file}: has a node at latitude {latitude:g} and longitude"
+                f" {longitude:g}; latitudes are -{MAX_LATITUDE_DEG} to {MAX_LATITUDE_DEG} degrees,"
+                f" longitudes -{MAX_LONGITUDE_DEG} to {MAX_LONGITUDE_DEG}"
+            )
     latitude, longitude = np.mean(nodes, axis=0)
     north, east = np.radians([latitude - road.origin_lat_deg, longitude - road.origin_lon_deg])
     away = EARTH_RADIUS_M * float(np.hypot(north, east * np.cos(np.radians(latitude))))
@@ -203,6 +248,11 @@ def _find_first_error(messages: str) -> str:
     lines = [line.strip() for line in messages.splitlines() if line.strip()]
     errors = [line for line in lines if line.startswith("Error")]
     return (errors or lines[-1:] or ["it printed nothing"])[0].removeprefix("Error: ")[:300]
+
+
+def _describe_lane(lane: SumoLane) -> str:
+    east_m, north_m = lane.shape[0, :2]
+    return f"at {east_m:.6g} m east and {north_m:.6g} m north"
 
 
 def _describe_extent(declared: MapFile) -> str:

@@ -22,6 +22,7 @@ from advercity_dsl.road import Road, StripKind
 from advercity.errors import InputError, RunError
 from advercity.geometry import polyline
 from advercity.geometry.polyline import Points
+from advercity.processes import MISSING_PROGRAM, bind_to_this_process
 from advercity.roads import signals
 from advercity.roads.layout import ConnectingPath, JunctionLayout, RoadLayout, lay_out_road
 from advercity.roads.streets import (
@@ -58,14 +59,14 @@ def run_netconvert(options: Mapping[str, str], output: Path) -> NetconvertResult
     Files in the options are relative to the folder of `output`, the network to write.
 
     Raises:
-        RunError: The program is missing or does not end in time.
+        RunError: The program is missing.
     """
     chosen = {**NETCONVERT_OPTIONS, **options, "output-file": output.name}
     program = str(Path(sumo.SUMO_HOME) / "bin" / "netconvert")
     command = [program, *(word for name, value in chosen.items() for word in (f"--{name}", value))]
     try:
         done = subprocess.run(  # noqa: S603  the program is the wheel's own
-            command,
+            bind_to_this_process(command),
             cwd=output.parent,
             # It warns of a user's locale that is not installed, and a warning is an error here.
             env={**os.environ, "SUMO_HOME": sumo.SUMO_HOME, "LC_ALL": "C"},
@@ -75,11 +76,19 @@ def run_netconvert(options: Mapping[str, str], output: Path) -> NetconvertResult
             timeout=NETCONVERT_TIMEOUT_S,
             check=False,
         )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise RunError(f"netconvert does not run: {error}; is eclipse-sumo installed?") from error
+    except subprocess.TimeoutExpired:
+        return NetconvertResult(False, f"Error: it takes longer than {NETCONVERT_TIMEOUT_S} s")
+    except OSError as error:
+        raise _explain_missing_program(str(error)) from error
+    if done.returncode == MISSING_PROGRAM:
+        raise _explain_missing_program(done.stderr.strip())
     succeeded = done.returncode == 0 and output.exists()
     messages = done.stderr.strip()
     return NetconvertResult(succeeded, messages or ("" if succeeded else done.stdout.strip()))
+
+
+def _explain_missing_program(cause: str) -> RunError:
+    return RunError(f"netconvert does not run: {cause}; is eclipse-sumo installed?")
 
 
 MAX_GRADE_PERCENT = 30

@@ -42,7 +42,7 @@ def _check_limits(raw: bytes) -> None:
     depth = 0
 
     def refuse(*_: object) -> None:
-        raise InputError("has a document type (<!DOCTYPE ...>), which maps do not need; remove it")
+        raise InputError("has a document type (<!DOCTYPE ...>), which is not needed; remove it")
 
     def enter(*_: object) -> None:
         nonlocal depth

@@ -142,6 +142,19 @@ def test_without_a_map_nothing_can_be_replayed(advercity: Command, tmp_path: Pat
     assert (ran.code, "name it *.xodr (OpenDRIVE), *.osm or *.net.xml" in ran.err) == (2, True)
 
 
+def test_an_unusable_map_is_reported_under_its_own_name(advercity: Command, tmp_path: Path) -> None:
+    street = write_street(tmp_path)
+    street.write_text(street.read_text().replace('a="3.5"', 'a="nan"'))
+    chosen = ("--map", street, "--ego", "1", "--looks", "shaped", "--output", tmp_path / "out")
+
+    ran = advercity("import", "trajectories", write_ind(tmp_path), *chosen)
+
+    assert ran.code == 2
+    assert f"error: {street}: netconvert cannot use it" in ran.err
+    assert ".partial" not in ran.err
+    assert not (tmp_path / "out").exists()
+
+
 def test_what_an_author_changes_in_a_recorded_road_is_checked_by_place(
     advercity: Command, library: Path, tmp_path: Path
 ) -> None:

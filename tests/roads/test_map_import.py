@@ -1,6 +1,7 @@
 """Import of OpenDRIVE, OpenStreetMap and SUMO files, and what it refuses."""
 
 import hashlib
+import re
 import shutil
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from advercity_dsl.units import Point2
 
 from advercity.compiler import read_spec, write_specs
 from advercity.errors import InputError
+from advercity.roads import sumo_network
 from advercity.roads.lane_graph import read_lane_graph
 from advercity.roads.map_import import import_map
 from advercity.roads.road_network import build_road
@@ -111,6 +113,66 @@ def test_broken_and_hostile_maps_are_reported_with_file_and_line(
     assert "imported.file" in said
     assert "Traceback" not in said
     assert "root:" not in said
+
+
+STREET = """<OpenDRIVE>
+  <header revMajor="1" revMinor="6"/>
+  <road name="Mill Road" length="200" id="1" junction="-1">
+    <planView><geometry s="0" x="0" y="0" hdg="0" length="200"><line/></geometry></planView>
+    <elevationProfile><elevation s="0" a="0" b="0" c="0" d="0"/></elevationProfile>
+    <lanes><laneSection s="0">
+      <center><lane id="0" type="none"/></center>
+      <right><lane id="-1" type="driving">
+        <width sOffset="0" a="3.5" b="0" c="0" d="0"/>
+      </lane></right>
+    </laneSection></lanes>
+  </road>
+</OpenDRIVE>"""
+
+
+@pytest.mark.parametrize(
+    ("found", "damaged", "complaint"),
+    [
+        ('a="3.5"', 'a="nan"', "netconvert cannot use it: 'nan,nan nan,nan' is not finite"),
+        ('a="3.5"', 'a="1e30"', "has a lane that is 1e+30 m wide"),
+        ("<line/>", '<spiral curvStart="0" curvEnd="1e9"/>', "has no lane for cars"),
+        ('length="200"', 'length="100000"', "its lanes are 100000 m from west to east"),
+        ('<elevation s="0" a="0"', '<elevation s="0" a="1e30"', "a lane 1e+30 m above zero"),
+    ],
+)
+def test_a_street_that_no_world_could_have_is_refused(
+    found: str, damaged: str, complaint: str, tmp_path: Path
+) -> None:
+    """netconvert makes networks of such lanes without a word."""
+    road = Road.model_validate(declaration("opendrive", "street.xodr"))
+    declared = MapFile(source="opendrive", file="street.xodr")
+    (tmp_path / "street.xodr").write_text(STREET, encoding="utf-8")
+    import_map(declared, road, tmp_path)
+
+    (tmp_path / "street.xodr").write_text(STREET.replace(found, damaged), encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(complaint)):
+        import_map(declared, road, tmp_path)
+
+
+@pytest.mark.parametrize("latitude", ["nan", "inf", "91"])
+def test_a_node_that_is_not_on_the_globe_is_named(latitude: str, tmp_path: Path) -> None:
+    road = Road.model_validate(CROSSROADS)
+    text = (DATA / "crossroads.osm").read_text(encoding="utf-8")
+    text = re.sub(r'lat="[^"]*"', f'lat="{latitude}"', text, count=1)
+    (tmp_path / "crossroads.osm").write_text(text, encoding="utf-8")
+
+    with pytest.raises(InputError, match=f"a node at latitude {latitude} and longitude 1"):
+        import_map(MapFile(source="osm", file="crossroads.osm"), road, tmp_path)
+
+
+def test_a_map_that_takes_netconvert_too_long_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sumo_network, "NETCONVERT_TIMEOUT_S", 0.001)
+    road = Road.model_validate(CROSSROADS)
+
+    with pytest.raises(InputError, match="netconvert cannot use it: it takes longer than"):
+        import_map(MapFile(source="osm", file="crossroads.osm"), road, DATA)
 
 
 @pytest.mark.parametrize(
