@@ -163,7 +163,7 @@ def _label_series(axes: Any, names: list[str]) -> None:
 
 
 def _is_number(values: Any) -> bool:
-    return isinstance(values[0], int | float)
+    return len(values) > 0 and isinstance(values[0], int | float)
 
 
 def _is_binned(name: str) -> bool:

@@ -185,6 +185,14 @@ def test_every_table_is_a_csv_and_all_but_one_a_plot(
         assert (np.ptp(image.astype(int), axis=2) > 30).sum() > 100, path.name
 
 
+def test_a_plot_of_no_classes_has_no_bars() -> None:
+    """As of a frame or two in which nobody is seen."""
+    (table,) = (it for it in compute_tables([seen_at()]) if it.name == "class_histogram")
+    assert list(table.columns["class"]) == []
+    (axes,) = draw_table(table).axes
+    assert not axes.patches
+
+
 def test_a_plot_that_cannot_be_written_is_named(facts: list[ScenarioFacts], tmp_path: Path) -> None:
     (tmp_path / "weather.png").mkdir()
     tables = [table for table in compute_tables(facts) if table.name in ("roads", "weather")]
