@@ -11,6 +11,9 @@ import os
 from collections.abc import Generator
 from contextlib import contextmanager
 
+DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+"""Errors of the system that are no fault of the path that was given."""
+
 
 def escape_control_characters(text: str) -> str:
     """Escape what would break a line or change the state of a terminal, such as a line break."""
@@ -86,9 +89,13 @@ def report_temporary_errors() -> Generator[None]:
 
 @contextmanager
 def report_write_errors() -> Generator[None]:
-    """Convert an OSError into an InputError that names the file, as the user chose the path."""
+    """Convert an OSError into an InputError that names the file, as the user chose the path.
+
+    Of a disk that is full or broken it is a RunError: the path is as good as any there.
+    """
     try:
         yield
     except OSError as error:
         path = error.filename or "the output"
-        raise InputError(f"{path}: cannot be written: {describe_cause(error)}") from error
+        kind = RunError if error.errno in DISK_ERRORS else InputError
+        raise kind(f"{path}: cannot be written: {describe_cause(error)}") from error
