@@ -414,4 +414,22 @@ MATERIALS: dict[str, Material] = {
     "young_crops": Material(
         (0.105, 0.125, 0.05), 0.38, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.CROPS, maps="crops"
     ),
+    # Gravel, soil and dust beside roads.
+    "roadside_soil": Material(
+        (0.195, 0.168, 0.13), 0.28, SOIL_77GHZ, SOIL_LWIR, texture=Texture.SOIL, maps="soil"
+    ),
+    # Single plants of fields, and the gaps between them, into which hardly any light comes.
+    "crop_stalks": Material(
+        (0.24, 0.25, 0.075), 0.45, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES
+    ),
+    "crop_ears": Material(
+        (0.37, 0.32, 0.12), 0.47, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES
+    ),
+    "crop_shade": Material(
+        (0.16, 0.15, 0.045), 0.40, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.CROPS
+    ),
+    "straw": Material((0.36, 0.30, 0.15), 0.40, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES),
+    "seedlings": Material(
+        (0.085, 0.14, 0.045), 0.42, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES
+    ),
 }

@@ -41,13 +41,16 @@ def build_leaves(
 
 
 def build_foliage(
-    surface: TriangleSurface, length_m: float, draw: np.random.Generator
+    surface: TriangleSurface,
+    length_m: float,
+    draw: np.random.Generator,
+    coverage: float = COVERAGE,
 ) -> list[MeshPart]:
     """Build the dense inside of a shrub or a wood, and leaves that lie on it."""
     a, b, c = (surface.vertices[surface.triangles[:, corner]] for corner in range(3))
     across = np.cross(b - a, c - a)
     area = np.linalg.norm(across, axis=1) / 2.0
-    count = round(COVERAGE * area.sum() / (0.5 * WIDTH_RATIO * length_m**2))
+    count = round(coverage * area.sum() / (0.5 * WIDTH_RATIO * length_m**2))
     face = draw.choice(len(area), count, p=area / area.sum())
     u, v = draw.uniform(size=(2, count, 1))
     u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)

@@ -37,24 +37,37 @@ _SHRUB_LEAVES: Mapping[Season, LeafFractions] = {
     Season.WINTER: {"leaves_brown": 0.7},
 }
 """Fractions of hedges, shrubs and distant woods."""
-CROP_HEIGHT_M = 0.6
+CROP_HEIGHT_M = 0.8
 
 
 @dataclass(frozen=True)
 class Crop:
-    """What stands on a field of crops: its material and its height in metres."""
+    """What stands on a field of crops.
+
+    Attributes:
+        material: Material of the field from above.
+        height_m: Height of its plants.
+        shade: Material of what is seen between plants from aside.
+        stalks: Material of single plants.
+        ears: Material of their tips.
+        has_ears: Whether they bear leaves and ears.
+    """
 
     material: str
     height_m: float
+    shade: str
+    stalks: str
+    ears: str
+    has_ears: bool = False
 
 
 _LOW_CROPS: Mapping[Season, Crop] = {
-    Season.AUTUMN: Crop("stubble", 0.2),
-    Season.WINTER: Crop("young_crops", 0.13),
+    Season.AUTUMN: Crop("stubble", 0.2, "soil", "straw", "straw"),
+    Season.WINTER: Crop("young_crops", 0.13, "soil", "seedlings", "seedlings"),
 }
 """Fields after the harvest, and sown again."""
 _RECOLOURED: Mapping[Season, Mapping[str, str]] = {
-    # The inside of a crown turns last.
+    # The inside of shrubs turns last.
     Season.AUTUMN: {},
     Season.WINTER: {
         "inner_leaves": "inner_leaves_brown",
@@ -67,7 +80,9 @@ _RECOLOURED: Mapping[Season, Mapping[str, str]] = {
 
 def find_crop(season: Season, grown_m: float | None) -> Crop:
     """Find what a field bears in a season; grown crops have the height declared, or a usual one."""
-    return _LOW_CROPS.get(season) or Crop("crops", grown_m or CROP_HEIGHT_M)
+    return _LOW_CROPS.get(season) or Crop(
+        "crops", grown_m or CROP_HEIGHT_M, "crop_shade", "crop_stalks", "crop_ears", has_ears=True
+    )
 
 
 def select_tree_leaves(

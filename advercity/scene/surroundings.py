@@ -14,7 +14,7 @@ from advercity.errors import InputError
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import Mesh, MeshPart, build_meshes
 from advercity.roads.road_network import RoadNetwork
-from advercity.scene import barriers, buildings, footprints, roadside, skyline, vegetation
+from advercity.scene import barriers, buildings, crops, footprints, roadside, skyline, vegetation
 from advercity.scene.buildings import Lot, LotPattern
 from advercity.scene.furniture import build_furniture
 from advercity.scene.seasons import apply_season
@@ -68,10 +68,8 @@ _POINT_BUILDERS: dict[SurroundingKind, Callable[[Point2, float | None, Site], li
 _FIELD_BUILDERS: dict[
     SurroundingKind, Callable[[Float64Array, float | None, Site, str], list[MeshPart]]
 ] = {
-    SurroundingKind.CROPS: vegetation.build_crops,
-    SurroundingKind.FIELD: lambda rows, _, site, key: vegetation.build_tilled_field(
-        rows, site, key
-    ),
+    SurroundingKind.CROPS: crops.build_crops,
+    SurroundingKind.FIELD: lambda rows, _, site, key: crops.build_tilled_field(rows, site, key),
 }
 
 
@@ -80,7 +78,7 @@ def build_surroundings(
 ) -> tuple[list[Mesh], list[StreetLamp], Site]:
     """Build meshes of the surroundings, one per material and class, and the lights among them.
 
-    The site that is returned is the ground that buildings leave.
+    The site that is returned is the ground that buildings, drives and water leave.
 
     The road's id and the order of its surroundings are keys of all random draws. Nothing grows or
     is built on the paved area; masts and shelters are where they are declared.
@@ -124,7 +122,12 @@ def build_surroundings(
     for item in items:
         if density := item.declaration.per_100_m:
             parts += build_furniture(item.sides, density, obstacles, site, item.random_key)
-    return list(apply_season(build_meshes(parts, "surroundings_"), season)), lamps, open_ground
+    meshes = list(apply_season(build_meshes(parts, "surroundings_"), season))
+    return (
+        meshes,
+        lamps,
+        open_ground.exclude([area for item in items for area in item.outline_covered_ground()]),
+    )
 
 
 def _find_sensor_clearances(network: RoadNetwork) -> list[BaseGeometry]:
@@ -217,6 +220,17 @@ class _PlacedSurrounding:
                 if part.length > 1.0:
                     yield tuple((float(x), float(y)) for x, y in part.coords)
 
+    def outline_covered_ground(self) -> Iterator[BaseGeometry]:
+        """Outline where paving of its own, or water, lies on the ground."""
+        if self.kind in (SurroundingKind.DRIVEWAY, SurroundingKind.PAVING):
+            for side in self.sides:
+                lines = [side.offset_line(at) for at in (side.near_offset_m, side.far_offset_m)]
+                outline = np.concatenate([lines[0], lines[1][::-1]])
+                if len(outline) > 2:
+                    yield shapely.make_valid(shapely.Polygon(outline))
+        elif self.kind is SurroundingKind.WATER:
+            yield shapely.make_valid(shapely.Polygon(self.declaration.line_m))
+
     def outline_obstacles(self, paved_area: BaseGeometry) -> Iterator[BaseGeometry]:
         """Outline what street furniture keeps off: walls, masts, shelters, drives."""
         if self.kind in _LINE_BUILDERS:
@@ -265,7 +279,7 @@ def _build_fields(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:
     build = _FIELD_BUILDERS[item.kind]
     free = item.limit_to_outline(site)
     for band in item.bands:
-        yield from build(vegetation.sample_rows(band), item.height_m, free, item.random_key)
+        yield from build(crops.sample_rows(band), item.height_m, free, item.random_key)
 
 
 def _build_objects(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:

@@ -1,6 +1,6 @@
 """Builds single trees: trunks that fork, and crowns of leaves around the ends of branches."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cache
 
@@ -10,7 +10,7 @@ from advercity_dsl.road import Season, Species
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.directions import spread_directions
 from advercity.geometry.mesh import TriangleSurface, join_surfaces, normalize, shade_smooth, xyz
-from advercity.geometry.primitives import tube
+from advercity.geometry.primitives import ellipsoid, loft_rings, tube
 from advercity.randomness import create_generator
 from advercity.scene.foliage import build_leaves
 from advercity.scene.seasons import select_tree_leaves
@@ -74,14 +74,21 @@ _SHOOTS = {Detail.NEAR: (8, 10), Detail.MIDDLE: (5, 7), Detail.FAR: (5, 6)}
 """Shoots of each, and leaves of a shoot."""
 _LEAF_LENGTH_M = {Detail.NEAR: 0.2, Detail.MIDDLE: 0.34, Detail.FAR: 0.48}
 _BRANCHES_PER_LIMB = 6
-_SHADED_LEAVES = {Detail.NEAR: 400, Detail.MIDDLE: 180, Detail.FAR: 80}
-_SHADED_LEAF_LENGTH_M = {Detail.NEAR: 0.42, Detail.MIDDLE: 0.62, Detail.FAR: 0.9}
-"""Leaves in the middle of a crown, through which hardly any light comes: each stands for many."""
+_CORE_RATIO = {Detail.NEAR: 0.58, Detail.MIDDLE: 0.66, Detail.FAR: 0.80}
+_CORE_BUMP = 0.16
+"""Size of the dense inside of a crown over that of the crown, and how uneven it is: leaves before
+it hide it the better the more they are."""
+_CORE_SIDES = {Detail.NEAR: (8, 6), Detail.MIDDLE: (7, 4), Detail.FAR: (6, 3)}
+_SHADED_LEAVES = {Detail.NEAR: 160, Detail.MIDDLE: 80, Detail.FAR: 24}
+_SHADED_LEAF_LENGTH_M = {Detail.NEAR: 0.36, Detail.MIDDLE: 0.55, Detail.FAR: 0.8}
+"""Leaves on the inside of a crown, through which hardly any light comes: each stands for many."""
 _SHOOT_RADIUS_M = 0.012
 _WHORLS = {Detail.NEAR: (22, 10), Detail.MIDDLE: (16, 8), Detail.FAR: (13, 8)}
 """Whorls of a spruce, and branches of each."""
 _TWIGS = {Detail.NEAR: 10, Detail.MIDDLE: 5, Detail.FAR: 4}
 """Twigs on either side of such a branch."""
+_TIERS = {Detail.NEAR: (18, 9), Detail.MIDDLE: (12, 8), Detail.FAR: (9, 6)}
+"""Tiers of the dense inside of a spruce, and their sides."""
 
 TreeParts = tuple[tuple[TriangleSurface, str], ...]
 
@@ -110,7 +117,8 @@ def build_tree(
         *select_tree_leaves(leaves, species, season),
     ]
     if not is_bare:
-        parts.append((_build_shaded_leaves(crown, detail, draw), "inner_leaves"))
+        inside = "inner_leaves_brown" if season is Season.AUTUMN else "inner_leaves"
+        parts.append((_build_shaded_leaves(crown, detail, draw), inside))
     return tuple(parts), max(z + rise for *_, z, _, rise in crown.blobs)
 
 
@@ -183,17 +191,33 @@ def _build_shoots(
 def _build_shaded_leaves(
     crown: _Crown, detail: Detail, draw: np.random.Generator
 ) -> TriangleSurface:
-    """Build the dense inside of a crown, through which hardly any light comes."""
+    """Build the dense inside of a crown, through which hardly any light comes.
+
+    Only a closed core leaves no holes, however few leaves are before it.
+    """
+    core = shade_smooth(_build_core(crown, detail, draw))
     blobs = np.array(crown.blobs)
     volume = blobs[:, 3] ** 2 * blobs[:, 4]
     blob = blobs[draw.choice(len(blobs), _SHADED_LEAVES[detail], p=volume / volume.sum())]
     away = normalize(draw.normal(size=(len(blob), 3)))
-    offset = away * blob[:, [3, 3, 4]] * draw.uniform(0.0, 0.6, (len(blob), 1))
+    offset = away * blob[:, [3, 3, 4]] * draw.uniform(0.5, 0.92, (len(blob), 1))
     length_m = _SHADED_LEAF_LENGTH_M[detail]
     along = draw.normal(size=offset.shape)
-    return build_leaves(
-        blob[:, :3] + offset - 0.4 * length_m * normalize(along), along, away, length_m, draw
-    )
+    roots = blob[:, :3] + offset - 0.4 * length_m * normalize(along)
+    return join_surfaces([core, build_leaves(roots, along, away, length_m, draw)])
+
+
+def _build_core(crown: _Crown, detail: Detail, draw: np.random.Generator) -> TriangleSurface:
+    """Build bumpy ellipsoids inside those of a crown."""
+    around, bands = _CORE_SIDES[detail]
+    pieces: list[TriangleSurface] = []
+    for x, y, z, radius, rise in crown.blobs:
+        ball = ellipsoid((0, 0, 0), (radius, radius, rise), sides=around, bands=bands)
+        bumps = draw.uniform(-_CORE_BUMP, _CORE_BUMP, (len(ball.vertices), 1))
+        pieces.append(
+            replace(ball, vertices=ball.vertices * (_CORE_RATIO[detail] + bumps) + xyz(x, y, z))
+        )
+    return join_surfaces(pieces)
 
 
 def _build_stem(crown: _Crown) -> TriangleSurface:
@@ -243,19 +267,38 @@ def _build_spruce(detail: Detail, draw: np.random.Generator) -> TreeParts:
     height = np.repeat(np.linspace(1.6, SPRUCE_HEIGHT_M - 0.5, whorls), branches)
     height += draw.uniform(-0.15, 0.15, len(height))
     turn = 2.0 * np.pi * (np.arange(len(height)) / branches + draw.uniform(0, 1, len(height)) * 0.4)
-    reach = 2.3 * (1.0 - height / SPRUCE_HEIGHT_M) ** 0.85 * draw.uniform(0.8, 1.15, len(height))
+    reach = _find_spruce_reach(height) * draw.uniform(0.8, 1.15, len(height))
     away = np.column_stack([np.cos(turn), np.sin(turn), np.full(len(turn), -0.32)])
     aside = np.column_stack([-np.sin(turn), np.cos(turn), np.full(len(turn), -0.25)])
     root = np.column_stack([np.zeros((len(height), 2)), height])
     needles = _build_twigs(root, away * (reach + 0.25)[:, None], aside, _TWIGS[detail], draw)
     stem = tube([(0, 0, 0), (0, 0, SPRUCE_HEIGHT_M - 0.3)], [0.22, 0.04], sides=7)
     tip = tube([(0, 0, SPRUCE_HEIGHT_M - 0.9), (0, 0, SPRUCE_HEIGHT_M)], [0.14, 0.01], sides=5)
-    core = tube([(0, 0, 1.5), (0, 0, SPRUCE_HEIGHT_M - 0.9)], [0.4, 0.03], sides=7)
+    core = _build_tiers(_TIERS[detail], draw)
     return (
         (shade_smooth(stem), "bark"),
         (join_surfaces([needles, shade_smooth(tip)]), "needles"),
         (shade_smooth(core), "inner_leaves"),
     )
+
+
+def _find_spruce_reach(height_m: Float64Array) -> Float64Array:
+    """Find how far the branches of a spruce reach at heights (n,)."""
+    return 2.3 * (1.0 - height_m / SPRUCE_HEIGHT_M) ** 0.85
+
+
+def _build_tiers(sides: tuple[int, int], draw: np.random.Generator) -> TriangleSurface:
+    """Build the dense inside of a spruce: skirts one above the other, with uneven hems."""
+    tiers, around = sides
+    hems = np.linspace(1.25, SPRUCE_HEIGHT_M - 1.3, tiers)
+    waists = hems + 0.8 * (SPRUCE_HEIGHT_M - 2.5) / tiers
+    heights = np.stack([hems, waists], axis=1).ravel()
+    radii = _find_spruce_reach(heights + 0.3) * np.tile([0.78, 0.42], tiers)
+    turn = 2.0 * np.pi * np.arange(around) / around
+    ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(around)])
+    rings = radii[:, None, None] * draw.uniform(0.8, 1.15, (2 * tiers, around, 1)) * ring
+    rings[..., 2] = heights[:, None] + draw.uniform(-0.12, 0.12, (2 * tiers, around))
+    return loft_rings(rings)
 
 
 def _build_twigs(

@@ -53,9 +53,14 @@ def test_no_leaf_is_loose_in_the_air(species: Species, detail: Detail) -> None:
         assert nearest < 1.0
 
 
-def hit_fraction(species: Species, heights_m: NDArray[np.float64], offset_m: float) -> float:
+def hit_fraction(
+    species: Species,
+    heights_m: NDArray[np.float64],
+    offset_m: float,
+    detail: Detail = Detail.NEAR,
+) -> float:
     """Fraction of horizontal rays, at heights and an offset from the trunk, that meet leaves."""
-    crown = join_surfaces([leaves(species), parts(species)["inner_leaves"]])
+    crown = join_surfaces([leaves(species, detail), parts(species, detail)["inner_leaves"]])
     mesh = crown.to_mesh("leaves", "leaves", Semantic.VEGETATION)
     turn = np.arange(40) / 40 * 2.0 * np.pi
     angle, height = (grid.ravel() for grid in np.meshgrid(turn, heights_m))
@@ -71,6 +76,23 @@ def test_a_crown_is_dense_in_its_middle_and_open_at_its_edge() -> None:
     heights = np.linspace(4.4, 5.6, 20)
     assert hit_fraction(Species.OAK, heights, 0.0) > 0.97
     assert 0.1 < hit_fraction(Species.OAK, heights, 2.7) < 0.8
+
+
+@pytest.mark.parametrize(
+    ("species", "heights_m"),
+    [
+        (Species.OAK, (4.4, 6.4)),
+        (Species.MAPLE, (3.4, 5.0)),
+        (Species.BIRCH, (2.4, 4.4)),
+        (Species.POPLAR, (3.0, 8.0)),
+        (Species.SPRUCE, (1.8, 7.5)),
+    ],
+)
+def test_crowns_of_few_leaves_have_no_holes_in_their_middle(
+    species: Species, heights_m: tuple[float, float]
+) -> None:
+    heights = np.linspace(*heights_m, 40)
+    assert hit_fraction(species, heights, 0.1, Detail.FAR) == 1.0
 
 
 def test_branches_reach_into_the_crown() -> None:

@@ -5,7 +5,7 @@ The sun's shadow maps are here too, as bodies that cast shadows into view have t
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,7 +68,7 @@ class FrustumCuller:
 
     def __init__(self) -> None:
         self._numbers: dict[RenderBody, int] = {}
-        self._bodies: list[RenderBody] = []
+        self._bodies: list[RenderBody | Callable[[], RenderBody]] = []
         self._centre, self._half = np.empty((0, 3)), np.empty((0, 3))
         self._pixel_m = np.empty((0, 2))
         self._shown = np.empty(0, dtype=bool)
@@ -86,17 +86,44 @@ class FrustumCuller:
         Cameras see it if the size of a pixel at the box is in the range of `pixel_m`.
         """
         self._numbers[body] = len(self._bodies)
+        self._add(body, low, high, pixel_m, shown=True)
+
+    def add_later(
+        self,
+        make_body: Callable[[], RenderBody],
+        low: FloatArray,
+        high: FloatArray,
+        *,
+        pixel_m: PixelRange,
+    ) -> None:
+        """Add a body that stays, as in `add_body`, but is made when it is first to be seen.
+
+        Most finely detailed bodies are never near a camera, and take no memory then.
+        """
+        self._add(make_body, low, high, pixel_m, shown=False)
+
+    def _add(
+        self,
+        body: RenderBody | Callable[[], RenderBody],
+        low: FloatArray,
+        high: FloatArray,
+        pixel_m: PixelRange,
+        *,
+        shown: bool,
+    ) -> None:
         self._bodies.append(body)
         self._centre = np.vstack([self._centre, (low + high) / 2.0])
         self._half = np.vstack([self._half, (high - low) / 2.0])
         self._pixel_m = np.vstack([self._pixel_m, pixel_m])
-        self._shown = np.append(self._shown, True)
+        self._shown = np.append(self._shown, shown)
 
     def remove_body(self, body: RenderBody) -> None:
         """Remove a body; the last takes its row."""
         row, last = self._numbers.pop(body), self._bodies.pop()
         if last is not body:
-            self._bodies[row], self._numbers[last] = last, row
+            self._bodies[row] = last
+            if isinstance(last, RenderBody):
+                self._numbers[last] = row
         for values in (self._centre, self._half, self._pixel_m, self._shown):
             values[row] = values[-1]
         self._centre, self._half = self._centre[:-1], self._half[:-1]
@@ -118,7 +145,11 @@ class FrustumCuller:
         pixel_m = pixel_rad * nearest_m
         shown &= (pixel_m >= self._pixel_m[:, 0]) & (pixel_m < self._pixel_m[:, 1])
         for number in np.flatnonzero(shown != self._shown).tolist():
-            self._bodies[number].visibility = float(shown[number])
+            body = self._bodies[number]
+            if not isinstance(body, RenderBody):
+                body = self._bodies[number] = body()
+                self._numbers[body] = number
+            body.visibility = float(shown[number])
         self._shown = shown
 
 

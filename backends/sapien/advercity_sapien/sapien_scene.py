@@ -20,7 +20,7 @@ from advercity.rendering.panes import PANE_MATERIALS, is_seen_through
 from advercity.semantics import Semantic
 from advercity.world import SignalLamp, World
 from advercity_sapien.culling import ANY_PIXEL, FrustumCuller, PixelRange
-from advercity_sapien.leaf_levels import LEAF_MATERIALS, build_levels
+from advercity_sapien.leaf_levels import LEAF_MATERIALS, list_levels, thin_out
 from advercity_sapien.material_textures import MapAxes, MaterialTextures
 from advercity_sapien.shader_bindings import RenderBody, ShaderBindings
 from advercity_sapien.shader_constants import (
@@ -208,9 +208,9 @@ class SapienScene:
         lit = int(Lamp.LOW_BEAM) if night else 0
         for number, mesh in enumerate(world.static, start=1):
             for tile in split_into_tiles(mesh):
-                levels = build_levels(tile) if has_distant_pieces else [(tile, ANY_PIXEL)]
-                for level, pixel_m in levels:
-                    self._add_static(number, level, lit, pixel_m)
+                levels = list_levels(tile) if has_distant_pieces else [(1, ANY_PIXEL)]
+                for keep_one_of, pixel_m in levels:
+                    self._add_level(number, tile, lit, keep_one_of, pixel_m)
         self._signals = [(lamp.id, self._add_signal(lamp)) for lamp in world.signal_lamps]
 
     def place_actors(self, frame: Frame) -> None:
@@ -306,15 +306,30 @@ class SapienScene:
         body.entity.set_pose(pose)
         self.culler.move_body(body, pose.p)
 
-    def _add_static(self, number: int, mesh: Mesh, lit: int, pixel_m: PixelRange) -> None:
+    def _add_level(
+        self, number: int, mesh: Mesh, lit: int, keep_one_of: int, pixel_m: PixelRange
+    ) -> None:
+        """Add a level of detail of a static mesh; those among several are made once seen."""
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        if pixel_m == ANY_PIXEL:
+            body = self._add_static(number, mesh, lit)
+            self.culler.add_body(body, low, high)
+            return
+        self.culler.add_later(
+            lambda: self._add_static(number, thin_out(mesh, keep_one_of), lit),
+            low,
+            high,
+            pixel_m=pixel_m,
+        )
+
+    def _add_static(self, number: int, mesh: Mesh, lit: int) -> RenderBody:
         body = self._add([self._shapes.create_static_shape(mesh)])
         if is_seen_through(mesh, is_static=True):
             body.shading_mode = GLASS_SHADING_MODE
         self._bindings.set_static_mesh(body, number)
         self._label_shapes(body, [mesh], 0)
         self._bindings.set_lit_lamps(body, lit)
-        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-        self.culler.add_body(body, low, high, pixel_m=pixel_m)
+        return body
 
     def _add_piece(self, piece: Piece, meshes: Sequence[Mesh], paint: str) -> RenderBody:
         is_closed = piece == "distant panes"

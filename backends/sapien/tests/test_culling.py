@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from advercity_sapien.culling import ConvexVolume, compute_view_frustum
+from advercity_sapien.culling import ConvexVolume, FrustumCuller, compute_view_frustum
+from advercity_sapien.shader_bindings import RenderBody
 
 from advercity.geometry.poses import pose_matrix
 from advercity.rendering.backend import CameraView
@@ -47,3 +48,23 @@ def test_a_volume_moves_with_its_body() -> None:
     middles = np.array([[x, 0.0, 0.0] for x in (2.4, 2.6, 4.0, 5.4, 5.6)])
     seen = between.may_intersect(middles, np.full((5, 3), 0.5))
     assert seen.tolist() == [False, True, True, True, False]
+
+
+def test_a_level_of_detail_is_made_when_it_is_first_seen_and_only_once() -> None:
+    made: list[RenderBody] = []
+
+    def make() -> RenderBody:
+        made.append(RenderBody())
+        return made[-1]
+
+    culler = FrustumCuller()
+    # A pixel at 8 m is 0.16 m wide.
+    ahead = np.array([9.0, 8.0, 0.0]), np.array([11.0, 9.0, 2.0])
+    culler.add_later(make, *ahead, pixel_m=(0.0, 0.1))
+    culler.show_only([compute_view_frustum(SQUARE)], SQUARE)
+    assert not made
+    culler.add_later(make, *ahead, pixel_m=(0.1, 1.0))
+    for volumes in ([compute_view_frustum(SQUARE)], [], [compute_view_frustum(SQUARE)]):
+        culler.show_only(volumes or [ConvexVolume(np.eye(3), np.full(3, np.inf))], SQUARE)
+        assert len(made) == 1
+        assert made[0].visibility == float(bool(volumes))

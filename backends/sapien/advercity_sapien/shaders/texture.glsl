@@ -21,6 +21,9 @@ float noise(vec3 p, int salt) {
   return mix(noise(p.xy, at), noise(p.xy, at + 64), f * f * (3.0 - 2.0 * f));
 }
 
+// Roads run along the axes of many sites, and patterns that did so too would show their lattice.
+const mat2 LATTICE_TURN = mat2(0.8, 0.6, -0.6, 0.8);
+
 // Noise of a wavelength, as far as the footprint lets it be seen.
 float octave(vec2 p, float wavelength, float footprint, int salt) {
   float fraction = retainedContrast(wavelength, footprint);
@@ -54,7 +57,7 @@ vec2 bondOffset(vec2 p, vec2 size) {
   return p + vec2(0.5 * size.x * mod(floor(p.y / size.y), 2.0), 0.0);
 }
 
-// Rectangles of newer asphalt, some per hectare, mean 0.
+// Rectangles of newer asphalt, some per hectare, mean 0. Their edges were cut by hand and are worn.
 float patches(vec2 p, float footprint) {
   const float CELL = 11.0, PATCHED = 0.22;
   vec2 cell = floor(p / CELL);
@@ -64,7 +67,8 @@ float patches(vec2 p, float footprint) {
   if (0.5 + 0.5 * hashUnit(cell, 71) > PATCHED) return -fraction * MEAN;
   vec2 halfSize = 0.5 * vec2(3.0 + 1.6 * hashUnit(cell, 72), 1.8 + 0.8 * hashUnit(cell, 73));
   vec2 middle = (cell + 0.5) * CELL + vec2(hashUnit(cell, 74), hashUnit(cell, 75)) * 3.0;
-  vec2 inside = clamp((halfSize - abs(p - middle)) / max(footprint, 0.02) + 0.5, 0.0, 1.0);
+  vec2 bent = p + 0.05 * vec2(octave(p, 0.7, footprint, 76), octave(p, 0.7, footprint, 77));
+  vec2 inside = clamp((halfSize - abs(bent - middle)) / max(footprint, 0.06) + 0.5, 0.0, 1.0);
   return fraction * (inside.x * inside.y - MEAN);
 }
 
@@ -80,14 +84,23 @@ float cracks(vec2 p, float footprint) {
   return fraction * allowed * clamp((0.012 - away) / soft + 0.5, 0.0, 1.0);
 }
 
-// Worn paint, more of it in some places: 1 where asphalt shows, less the mean. Paint goes first from
-// the tops of the aggregate's stones, so its edges are as ragged as these are large.
+// Worn paint, more of it in some places: 1 where asphalt shows, less the mean. Its edges are ragged down to
+// the size of the aggregate's stones; what is finer than the footprint blends, so that nothing sparkles.
 float wornPaint(vec2 p, float footprint) {
-  const float MEAN = 0.148;
-  float fraction = retainedContrast(0.12, footprint);
-  if (fraction <= 0.0) return 0.0;
-  float off = 0.25 * noise(p / 0.07, 86) + 0.5 * noise(p / 0.02, 87) + 0.6 * noise(p / 1.3, 88);
-  return fraction * (clamp((off - 0.05) / 0.8, 0.0, 1.0) - MEAN);
+  const float WORN = 0.148, SOFT = 0.06, VARIANCE = 0.184;   // of noise()
+  const float SLOPE = 1.702;   // of the logistic law that approximates the normal distribution
+  float wavelength = 1.1, weight = 0.5, sum = 0.0, lost = SOFT * SOFT, all = 0.0;
+  for (int i = 0; i < 5; ++i) {
+    float kept = retainedContrast(wavelength, footprint);
+    if (kept > 0.0) sum += weight * kept * noise(p / wavelength, 86 + i);
+    lost += VARIANCE * weight * weight * (1.0 - kept * kept);
+    all += VARIANCE * weight * weight;
+    wavelength *= 0.36;
+    weight *= 0.84;
+    p = LATTICE_TURN * p;
+  }
+  float at = sqrt(all + SOFT * SOFT) / SLOPE * log(WORN / (1.0 - WORN));
+  return 1.0 / (1.0 + exp(-SLOPE * (sum + at) / sqrt(lost))) - WORN;
 }
 
 // Wear of a carriageway: polished by tyres (up to 1) or stained between them (down to -1).
@@ -110,30 +123,37 @@ vec3 tint(float tone, float hue) {
 vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
   const float MAPPED = 0.3;
   float f = mapped ? max(footprint, MAPPED) : footprint;
-  vec2 q = p.xy;
+  vec2 q = LATTICE_TURN * p.xy;
   if (kind == TEXTURE_ASPHALT) {
     float tone = 0.30 * octave(q, 0.025, f, 1) + 0.10 * octave(q, 0.11, f, 2)
         + 0.07 * octave(q, 0.9, f, 3) + 0.10 * octave(q, 4.3, f, 4) + 0.10 * octave(q, 23.0, f, 5);
-    tone += 0.16 * wear(q, f) * (0.75 + 0.25 * noise(q / 5.0, 6));
-    tone -= 0.30 * patches(q, footprint) + 0.45 * cracks(q, footprint);
+    tone += 0.16 * wear(p.xy, f) * (0.75 + 0.25 * noise(q / 5.0, 6));
+    tone -= 0.30 * patches(p.xy, footprint) + 0.45 * cracks(p.xy, footprint);
     return vec3(1.0 + tone);
   }
   if (kind == TEXTURE_GRASS) {
-    float tone = 0.45 * octave(q, 0.035, f, 1) + 0.30 * octave(q, 0.16, f, 2)
-        + 0.22 * octave(q, 0.55, f, 3) + 0.18 * octave(q, 1.9, f, 4) + 0.14 * octave(q, 7.7, f, 7);
-    float hue = 0.14 * octave(q, 0.8, f, 8) + 0.16 * octave(q, 3.1, f, 5)
-        + 0.18 * octave(q, 11.0, f, 9) + 0.26 * octave(q, 31.0, f, 6);
-    return tint(tone, hue);
+    float tone = 0.35 * octave(q, 0.035, f, 1) + 0.28 * octave(q, 0.16, f, 2)
+        + 0.30 * octave(q, 0.55, f, 3) + 0.28 * octave(q, 1.9, f, 4) + 0.22 * octave(q, 7.7, f, 7);
+    float hue = 0.24 * octave(q, 0.8, f, 8) + 0.26 * octave(q, 3.1, f, 5)
+        + 0.20 * octave(q, 11.0, f, 9) + 0.20 * octave(q, 31.0, f, 6);
+    // Withered grass is redder, fresh grass less red: neither is bluer.
+    return vec3(1.0 + tone + hue, 1.0 + tone + 0.25 * hue, 1.0 + tone - 0.1 * hue);
   }
   if (kind == TEXTURE_SOIL) {
     float tone = 0.35 * octave(q, 0.06, f, 1) + 0.25 * octave(q, 0.33, f, 2)
         + 0.15 * octave(q, 2.7, f, 3) + 0.12 * octave(q, 19.0, f, 4);
     return vec3(1.0 + tone);
   }
+  if (kind == TEXTURE_CROPS && n.z < 0.6) {
+    // Stalks from aside.
+    float tone = 0.9 * octave(p * vec3(1.0, 1.0, 0.07), 0.03, f, 1)
+        + 0.5 * octave(p * vec3(1.0, 1.0, 0.1), 0.12, f, 2) + 0.25 * octave(p, 0.7, f, 3);
+    return tint(tone, 0.14 * octave(q, 2.9, f, 4));
+  }
   if (kind == TEXTURE_CROPS) {
     float tone = 0.35 * octave(p, 0.09, f, 1) + 0.25 * octave(q, 0.45, f, 2)
-        + 0.14 * octave(q, 4.1, f, 3);
-    float hue = 0.12 * octave(q, 9.0, f, 4) + 0.14 * octave(q, 37.0, f, 5);
+        + 0.20 * octave(q, 1.6, f, 6) + 0.18 * octave(q, 4.1, f, 3);
+    float hue = 0.12 * octave(q, 2.3, f, 7) + 0.14 * octave(q, 9.0, f, 4) + 0.14 * octave(q, 37.0, f, 5);
     return tint(tone, hue);
   }
   if (kind == TEXTURE_LEAVES || kind == TEXTURE_CROWN) {

@@ -1,0 +1,95 @@
+"""What is between paving and open ground: bare soil and grass."""
+
+import numpy as np
+import shapely
+from advercity_dsl.road import Surrounding
+from shapely.geometry.base import BaseGeometry
+
+from advercity.geometry.mesh import MeshPart
+from advercity.roads.road_network import build_road
+from advercity.scene.site import Site
+from advercity.scene.surroundings import build_surroundings
+from advercity.scene.verges import SPILL_M, build_verges
+from advercity.semantics import Semantic
+from tests.scene.test_surroundings import PAVED, beside, sloping, street
+
+GRASS = ("grass_blades", "straw")
+
+
+def open_ground(*items: Surrounding) -> Site:
+    return build_surroundings(build_road(street(*items)), sloping, PAVED)[2]
+
+
+def verges(
+    site: Site | None = None, roadway: BaseGeometry = PAVED, key: str = "test"
+) -> dict[str, MeshPart]:
+    parts = build_verges(roadway, site or open_ground(), key)
+    return {part.material: part for part in parts}
+
+
+def test_grass_grows_along_what_is_paved_and_thins_out_away_from_it():
+    for material in GRASS:
+        grass = verges()[material]
+        assert grass.semantic is Semantic.TERRAIN
+        feet = grass.surface.vertices[grass.surface.triangles[:, 0]]
+        away = shapely.distance(PAVED, shapely.points(feet[:, :2]))
+        assert np.percentile(away, 5) > 0.0
+        assert away.max() < 3.3
+        assert np.median(away) < 1.2
+        assert np.abs(feet[:, 2] - sloping(feet[:, :2])).max() < 0.1
+
+
+def test_blades_are_thin_and_no_higher_than_a_mown_verge_has_them():
+    for material in GRASS:
+        surface = verges()[material].surface
+        corners = surface.vertices[surface.triangles]
+        assert np.linalg.norm(corners[:, 0] - corners[:, 1], axis=1).max() < 0.015
+        height = corners[:, 2, 2] - sloping(corners[:, 2])
+        assert 0.03 < np.percentile(height, 5) < np.percentile(height, 95) < 0.25
+
+
+def test_bare_ground_has_a_ragged_border_on_both_sides_and_no_gap_to_the_paving():
+    ground = verges()["roadside_soil"]
+    assert ground.semantic is Semantic.TERRAIN
+    plane = ground.surface.vertices[:, :2]
+    northern = plane[(plane[:, 1] > 4.0) & (np.abs(plane[:, 0]) < 95)]
+    inner, outer = northern[northern[:, 1] <= 5.0], northern[northern[:, 1] > 5.0]
+    assert inner[:, 1].min() >= 5.0 - SPILL_M - 1e-9
+    assert inner[:, 1].std() > 0.01
+    assert outer[:, 1].std() > 0.08
+    assert outer[:, 1].max() < 6.2
+    # Every tenth of a metre along the edge has bare ground on it.
+    area = shapely.union_all(shapely.polygons(plane[ground.surface.triangles]))
+    edge = np.column_stack([np.arange(-95, 95, 0.1), np.full(1900, 5.005)])
+    assert shapely.intersects_xy(shapely.buffer(area, 0.01), edge[:, 0], edge[:, 1]).all()
+
+
+def test_bare_ground_is_wide_where_wheels_come_and_narrow_beside_sidewalks():
+    roadway, sidewalk = verges()["roadside_soil"], verges(roadway=shapely.box(0, 0, 0, 0))["soil"]
+    widths = [
+        np.abs(part.surface.vertices[:, 1]).max(initial=0.0) - 5.0 for part in (roadway, sidewalk)
+    ]
+    assert widths[0] > 2 * widths[1] > 0.1
+
+
+def test_nothing_of_a_verge_is_on_drives_or_paving_of_its_own():
+    item = beside("driveway", side="left", from_m=40, to_m=46, offset_m=(0, 8))
+    drive = shapely.box(-60, 5.0, -54, 13)
+    parts = verges(open_ground(item))
+    for material in GRASS:
+        surface = parts[material].surface
+        feet = shapely.points(surface.vertices[surface.triangles[:, 0], :2])
+        assert not shapely.intersects(shapely.buffer(drive, -0.1), feet).any()
+    surface = parts["roadside_soil"].surface
+    middles = surface.vertices[surface.triangles].mean(axis=1)[:, :2]
+    assert not shapely.intersects(shapely.buffer(drive, -0.35), shapely.points(middles)).any()
+
+
+def test_a_verge_depends_on_its_key_alone():
+    first, again, other = verges(key="a"), verges(key="a"), verges(key="b")
+    for material, part in first.items():
+        assert part.surface.vertices.tobytes() == again[material].surface.vertices.tobytes()
+    assert (
+        first["roadside_soil"].surface.vertices.tobytes()
+        != other["roadside_soil"].surface.vertices.tobytes()
+    )
