@@ -10,7 +10,7 @@ from advercity.scene.seasons import apply_season
 from advercity.scene.street_furniture import build_street_furniture
 from advercity.scene.surroundings import build_surroundings
 from advercity.scene.terrain import GroundModel, build_ground, build_skirt, find_plateaus
-from advercity.scene.verges import build_verges
+from advercity.scene.verges import build_street_plants, build_verges
 from advercity.world import World
 
 
@@ -24,15 +24,16 @@ def build_world(spec: Spec, network: Path) -> World:
     surroundings, street_lamps, open_ground = build_surroundings(
         road, ground.height_at, road.paved_area
     )
-    verges = build_meshes(
-        build_verges(road.roadway_level_area, open_ground, spec.road.id), "verge_"
-    )
+    paving, roadway = road.meshes, road.roadway_level_area
+    plants = build_verges(roadway, open_ground, spec.road.id)
+    plants += build_street_plants(paving, roadway, spec.road.id)
+    verges = build_meshes(plants, "verge_")
     skirt, earth = build_skirt(road.paved_edges), build_ground(ground, road.paved_area)
     furniture, signal_lamps = build_street_furniture(road, ground.height_at)
     return World(
         id=spec.road.id,
         static=(
-            *apply_season([*road.meshes, skirt, earth], open_ground.season),
+            *apply_season([*paving, skirt, earth], open_ground.season),
             *surroundings,
             *apply_season(verges, open_ground.season),
             *furniture,

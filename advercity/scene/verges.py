@@ -1,6 +1,9 @@
-"""Builds verges: gravel and bare soil of ragged width along what is paved, and grass behind it."""
+"""Builds verges: gravel and bare soil of ragged width along what is paved, and grass behind it.
 
-from collections.abc import Iterator
+Grass on medians and weeds behind kerbs are here, too.
+"""
+
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +12,14 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from advercity.geometry.arrays import Float64Array
-from advercity.geometry.mesh import MeshPart, TriangleSurface, extract_polygons, normalize, xyz
+from advercity.geometry.mesh import (
+    Mesh,
+    MeshPart,
+    TriangleSurface,
+    extract_polygons,
+    normalize,
+    xyz,
+)
 from advercity.geometry.polyline import polyline_stations, resample_polyline
 from advercity.randomness import create_generator
 from advercity.scene.site import Site
@@ -26,6 +36,10 @@ ROADWAY_BARE_M, SIDEWALK_BARE_M = 0.26, 0.07
 SPILL_M, RISE_M, SINK_M = 0.09, 0.010, 0.02
 """How far bare ground spills over the edge of paving, how far it lies above the ground there, and
 how far below at its outer border, so that it has no edge of its own."""
+MEDIAN_TUFTS_PER_M2, MEDIAN_MARGIN_M = 7.0, 0.14
+"""Tufts on medians, and how far from their kerbs: blades may hang over these, but over no lane."""
+WEEDS_PER_M, JOINT_M = 1.2, (0.12, 0.155)
+"""Weeds along kerbs, and how far behind their faces is the joint that they grow from."""
 _WAVES_M, _WEIGHTS = (13.0, 2.7, 0.8, 0.35), (0.4, 0.5, 0.5, 0.4)
 _BLADE_WIDTH_M = 0.013
 
@@ -75,6 +89,47 @@ def build_verges(roadway: BaseGeometry, site: Site, key: str) -> list[MeshPart]:
     for tufts, material in _build_grass(edges, site, create_generator("verge grass", key)):
         parts.append(MeshPart(tufts, material, Semantic.TERRAIN))
     return parts
+
+
+def build_street_plants(
+    road_meshes: Iterable[Mesh], roadway: BaseGeometry, key: str
+) -> list[MeshPart]:
+    """Build grass on the medians and weeds behind the kerbs among the meshes of a road."""
+    parts: list[MeshPart] = []
+    for mesh in road_meshes:
+        draw = create_generator("street plants", key, mesh.name)
+        if mesh.material == "grass":
+            tufts = _scatter_points(mesh, MEDIAN_TUFTS_PER_M2, draw)
+            soil = shapely.union_all(shapely.polygons(mesh.vertices[mesh.triangles][..., :2]))
+            grown = shapely.contains_xy(
+                shapely.buffer(soil, -MEDIAN_MARGIN_M), tufts[:, 0], tufts[:, 1]
+            )
+        elif mesh.material == "kerb":
+            tufts = _scatter_points(mesh, WEEDS_PER_M / (JOINT_M[1] - JOINT_M[0]), draw)
+            away = shapely.distance(roadway, shapely.points(tufts[:, :2]))
+            grown = (away > JOINT_M[0]) & (away < JOINT_M[1])
+        else:
+            continue
+        if grown.any():
+            height = draw.uniform(0.03, 0.11, int(grown.sum()))
+            blades = _build_tufts(tufts[grown], height, draw)
+            parts.append(MeshPart(blades, "grass_blades", Semantic.TERRAIN))
+    return parts
+
+
+def _scatter_points(mesh: Mesh, per_m2: float, draw: np.random.Generator) -> Float64Array:
+    """Scatter points (n, 3) over the level faces of a mesh."""
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = 0.5 * np.linalg.norm(across, axis=1)
+    area[np.abs(across[:, 2]) < area] = 0.0
+    if not area.any():
+        return np.empty((0, 3))
+    count = int(area.sum() * per_m2)
+    of = corners[draw.choice(len(area), count, p=area / area.sum())]
+    u, v = draw.uniform(size=(2, count, 1))
+    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+    return of[:, 0] + u * (of[:, 1] - of[:, 0]) + v * (of[:, 2] - of[:, 0])
 
 
 def _sample_edges(roadway: BaseGeometry, site: Site, key: str) -> _Edges:

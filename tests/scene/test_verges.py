@@ -1,15 +1,16 @@
 """What is between paving and open ground: bare soil and grass."""
 
 import numpy as np
+import pytest
 import shapely
 from advercity_dsl.road import Surrounding
 from shapely.geometry.base import BaseGeometry
 
-from advercity.geometry.mesh import MeshPart
+from advercity.geometry.mesh import Mesh, MeshPart
 from advercity.roads.road_network import build_road
 from advercity.scene.site import Site
 from advercity.scene.surroundings import build_surroundings
-from advercity.scene.verges import SPILL_M, build_verges
+from advercity.scene.verges import SPILL_M, build_street_plants, build_verges
 from advercity.semantics import Semantic
 from tests.scene.test_surroundings import PAVED, beside, sloping, street
 
@@ -93,3 +94,31 @@ def test_a_verge_depends_on_its_key_alone():
         first["roadside_soil"].surface.vertices.tobytes()
         != other["roadside_soil"].surface.vertices.tobytes()
     )
+
+
+def flat(name: str, material: str, low: tuple[float, float], high: tuple[float, float]) -> Mesh:
+    """A level rectangle at a height of 0.15 m."""
+    (x0, y0), (x1, y1) = low, high
+    corners = np.array([(x0, y0, 0.15), (x1, y0, 0.15), (x1, y1, 0.15), (x0, y1, 0.15)])
+    triangles = np.array([(0, 1, 2), (0, 2, 3)], dtype=np.int32)
+    return Mesh(name, corners.astype(np.float32), triangles, material, Semantic.TERRAIN)
+
+
+def test_grass_of_a_median_hangs_over_its_kerbs_at_most():
+    # A median 3 m wide between kerbs of 0.15 m.
+    median = flat("median", "grass", (-40, -1.5), (40, 1.5))
+    (grass,) = build_street_plants([median], shapely.box(-40, 1.65, 40, 8), "test")
+    corners = grass.surface.vertices
+    assert np.abs(corners[:, 1]).max() < 1.65
+    # 80 m by 2.72 m with 7 tufts of 7 blades on each square metre.
+    assert len(grass.surface.triangles) == pytest.approx(80 * 2.72 * 7 * 7, rel=0.05)
+    assert 0.12 < corners[:, 2].min() < 0.14 < 0.2 < corners[:, 2].max() < 0.3
+
+
+def test_weeds_grow_from_the_joint_behind_a_kerb():
+    kerb = flat("kerb", "kerb", (-40, 5.0), (40, 5.15))
+    (weeds,) = build_street_plants([kerb], shapely.box(-40, 0, 40, 5.0), "test")
+    feet = weeds.surface.vertices[weeds.surface.triangles[:, :2]].mean(axis=1)
+    assert 5.06 < feet[:, 1].min() < feet[:, 1].max() < 5.21
+    assert 0.8 < len(feet) / 7 / 80 < 1.3
+    assert weeds.surface.vertices[:, 1].min() > 4.95
