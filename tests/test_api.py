@@ -98,6 +98,22 @@ def test_a_failure_is_raised_or_returned_as_asked(spec: advercity.Spec, tmp_path
         result.raise_failures()
 
 
+@pytest.mark.parametrize("jobs", [0, -1, 1001])
+def test_a_number_of_processes_that_cannot_be_is_refused(
+    jobs: int, spec: advercity.Spec, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=f"`jobs` {jobs}: is outside 1 to 1000"):
+        advercity.run(spec, tmp_path / "output", backend="fake", jobs=jobs)
+    assert not (tmp_path / "output").exists()
+
+
+def test_a_run_of_no_specs_is_refused(tmp_path: Path) -> None:
+    """As of a list from which all were left out."""
+    with pytest.raises(InputError, match="there is no spec to run"):
+        advercity.run([], tmp_path / "output", backend="fake")
+    assert not (tmp_path / "output").exists()
+
+
 def test_frames_that_cannot_be_are_refused_before_anything_is_made(
     spec: advercity.Spec, tmp_path: Path
 ) -> None:

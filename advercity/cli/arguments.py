@@ -38,7 +38,9 @@ FramesOption = Annotated[
 JobsOption = Annotated[
     int | None,
     typer.Option(
-        min=1, max=1000, help="Processes at a time (default: as many as suit the machine)."
+        min=1,  # and `MAX_JOBS`, whose module takes too long to load
+        max=1000,
+        help="Processes at a time (default: as many as suit the machine).",
     ),
 ]
 AllowMissingModelsOption = Annotated[

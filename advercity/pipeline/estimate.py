@@ -31,6 +31,7 @@ from advercity.pipeline.options import (
     ResourceLimits,
     RunOptions,
     RunResources,
+    check_jobs,
     format_byte_size,
     format_duration,
 )
@@ -264,6 +265,7 @@ def estimate_run(
         InputError: An option does not fit.
         RunError: The traffic simulation fails.
     """
+    check_jobs(jobs)
     if simulate:
         _simulate_missing_traffic(specs, jobs or count_usable_cores())
     profile = resolve_requested_profile(options)

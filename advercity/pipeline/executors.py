@@ -132,8 +132,10 @@ def validate_batch(specs: Sequence[Spec], options: RunOptions) -> None:
     """Check what would go wrong with every spec before anything is run.
 
     Raises:
-        InputError: Two specs have the same id, or an option does not fit.
+        InputError: There is no spec, two have the same id, or an option does not fit.
     """
+    if not specs:
+        raise InputError("there is no spec to run; give one or more")
     for name, count in Counter(spec.id for spec in specs).items():
         if count > 1:
             raise InputError(f"{name} is given {count} times; each may run once into an output")

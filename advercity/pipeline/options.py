@@ -20,6 +20,8 @@ BYTES_PER_UNIT = {
 }
 SECONDS_PER_UNIT = {"s": 1, "min": 60, "h": 3600, "d": 86_400}
 MIN_SCALE, MAX_SCALE = 0.01, 4.0
+MAX_JOBS = 1000
+"""More processes at a time than any machine has cores for."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,12 @@ def check_frames(frames: slice) -> None:
             f"`frames` {format_frames(frames)}: holds no frame;"
             " the end must be above the start, both counted from 0, and the step above 0"
         )
+
+
+def check_jobs(jobs: int | None) -> None:
+    """Raise an InputError if there cannot be so many processes at a time."""
+    if jobs is not None and not 1 <= jobs <= MAX_JOBS:
+        raise InputError(f"`jobs` {jobs}: is outside 1 to {MAX_JOBS}")
 
 
 def format_frames(frames: slice) -> str:
