@@ -72,6 +72,8 @@ def main() -> int:
     faulthandler.enable()
     logging.getLogger("advercity").addHandler(logging.NullHandler())
     arguments = _parse_arguments()
+    if arguments.folder:
+        arguments.folder.mkdir(parents=True, exist_ok=True)
     outcomes: Counter[tuple[str, str]] = Counter()
     begin = time.perf_counter()
     with tempfile.TemporaryDirectory(dir=arguments.folder) as folder:
