@@ -67,10 +67,18 @@ def find_device() -> JitDevice:
     Raises:
         BackendError: There is none; the text says what to install.
     """
+    missing: BackendError | None = None
+    version = ""
+    # Before CUDA is asked for: Dr.Jit loads whatever LLVM it finds as soon as it is imported.
+    try:
+        library, version = find_llvm()
+        os.environ[LIBRARY_VARIABLE] = str(library)
+    except BackendError as error:
+        missing = error
     if _has_cuda():
         return JitDevice("cuda_ad_rgb", "Mitsuba cuda_ad_rgb", is_hardware=True)
-    library, version = find_llvm()
-    os.environ[LIBRARY_VARIABLE] = str(library)
+    if missing is not None:
+        raise missing
     return JitDevice("llvm_ad_rgb", f"Mitsuba llvm_ad_rgb, LLVM {version}", is_hardware=False)
 
 

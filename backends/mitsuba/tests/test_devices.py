@@ -1,9 +1,12 @@
 """Finding what Mitsuba compiles its kernels with."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-from advercity_mitsuba import devices
+from advercity_mitsuba import MitsubaBackend, devices
 
 from advercity.errors import BackendError
 
@@ -50,3 +53,29 @@ def test_a_chosen_library_that_does_not_load_is_named(
     monkeypatch.setenv(devices.LIBRARY_VARIABLE, str(chosen))
     with pytest.raises(BackendError, match=str(chosen)):
         devices.find_llvm()
+
+
+def test_kernels_are_compiled_by_the_llvm_that_the_device_names(
+    backend: MitsubaBackend, tmp_path: Path
+) -> None:
+    if backend.capabilities().hardware:
+        pytest.skip("CUDA compiles the kernels")
+    library, _ = devices.find_llvm()
+    (tmp_path / "llvm").mkdir()
+    (tmp_path / "llvm" / library.name).symlink_to(library)
+    script = (
+        "import advercity_mitsuba; print(advercity_mitsuba.MitsubaBackend().capabilities().device);"
+        "import drjit; print(*drjit.detail.llvm_version(), sep='.')"
+    )
+    environment = {key: os.environ[key] for key in os.environ if key != devices.LIBRARY_VARIABLE}
+    # In a process of its own: in this one Dr.Jit has loaded its library already.
+    child = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**environment, "ADVERCITY_DATA": str(tmp_path)},
+    )
+    assert child.returncode == 0, child.stderr
+    device, loaded = child.stdout.split("\n")[:2]
+    assert device.endswith(f"LLVM {loaded}")
