@@ -71,6 +71,24 @@ class DropletPhaseLobes:
         """
         return self.narrow_scale_rad * depth / -np.expm1(-depth)
 
+    def deflection_density(self, angle: FloatArray, spread: FloatArray) -> FloatArray:
+        """Compute the density (...) of deflections by an angle (...) on either side of a path.
+
+        The derivative of the fraction within an angle, 1/rad; `spread` (...) is in radians, too.
+        """
+        spreads = angle / spread
+        root = np.sqrt(1.0 + spreads**2)
+        return 1.0 / (spread * root * (root + spreads))
+
+    def deflection_gain(self, angle: FloatArray, depth: FloatArray) -> FloatArray:
+        """Compute the light (...) that is deflected by an angle, however often, relative to once.
+
+        Both on a path of optical depth (...) of the narrow lobe alone. Renderers have the same.
+        """
+        often = self.deflection_density(angle, self.forward_spread_rad(depth)) * np.expm1(depth)
+        once = depth * self.deflection_density(angle, np.asarray(self.narrow_scale_rad))
+        return often / once
+
     def fraction_kept(self, depth: FloatArray, radius_rad: FloatArray) -> FloatArray:
         """Compute the fraction (...) of its light that a disc keeps in the middle of its image.
 
@@ -82,6 +100,10 @@ class DropletPhaseLobes:
         within = 1.0 + spreads - np.sqrt(1.0 + spreads**2)
         unscattered = np.exp(-narrow)
         return np.exp(-self.wide_fraction * depth) * (unscattered + (1.0 - unscattered) * within)
+
+    def narrow_phase(self, cosine: FloatArray) -> FloatArray:
+        """Evaluate the phase function (n,) of the narrow lobe alone."""
+        return henyey_greenstein(cosine, self.narrow_g)
 
     def wide_phase(self, cosine: FloatArray) -> FloatArray:
         """Evaluate the phase function (n,) of the wide lobe alone."""

@@ -163,3 +163,27 @@ def test_specks_keep_direct_light_and_walls_all_that_is_deflected_little() -> No
     speck, wall = lobes.fraction_kept(np.array(2.0), np.array([1e-7, 1.5]))
     assert speck == pytest.approx(math.exp(-2.0), rel=1e-3)
     assert wall == pytest.approx(math.exp(-2.0 * lobes.wide_fraction), rel=0.02)
+
+
+def test_deflections_within_an_angle_add_up_to_what_a_disc_keeps() -> None:
+    lobes, depth = DropletPhaseLobes.from_diameter_um(12.0), np.array(1.5)
+    spread = lobes.forward_spread_rad(lobes.narrow_fraction * depth)
+    edge = np.linspace(0.0, 0.2, 20_001)
+    within = lobes.deflection_density((edge[1:] + edge[:-1]) / 2.0, spread).sum() * 0.2 / 20_000
+    unscattered = math.exp(-lobes.narrow_fraction * 1.5)
+    kept = lobes.fraction_kept(depth, np.array(0.2)) / math.exp(-lobes.wide_fraction * 1.5)
+    assert unscattered + (1.0 - unscattered) * within == pytest.approx(kept, rel=1e-4)
+
+
+def test_halos_gain_by_repeated_deflections_what_depth_and_angle_say() -> None:
+    lobes = DropletPhaseLobes.from_diameter_um(12.0)
+    near, far = np.array(1e-4), np.array(0.5)
+    assert lobes.deflection_gain(far, np.array(1e-3)) == pytest.approx(1.0, abs=2e-3)
+    # Straight on, what other turns widen is missing; far to the side it is what comes.
+    assert lobes.deflection_gain(near, np.array(2.0)) < lobes.deflection_gain(far, np.array(2.0))
+    # All deflected light, once or more often, is e^depth - 1 of what is not deflected.
+    angle = np.geomspace(1e-7, 1e4, 40_001)
+    middle, width = np.sqrt(angle[1:] * angle[:-1]), np.diff(angle)
+    once = 2.0 * lobes.deflection_density(middle, np.asarray(lobes.narrow_scale_rad))
+    often = (once * lobes.deflection_gain(middle, np.array(2.0)) * width).sum()
+    assert often == pytest.approx(math.expm1(2.0), rel=1e-3)

@@ -409,7 +409,7 @@ def _compute_lamp_glow(light: Light, lamp: Lamp, eye: Any, ray: Any, range_m: An
     path = light.extinction * (t + from_lamp)
     left, wide_left = dr.exp(-path), dr.exp(-LOBES.wide_fraction * path)
     gain = _compute_deflection_gain(light, away, ray)
-    scattered = narrow * gain * left + wide * dr.select(is_beam(lamp), wide_left, left)
+    scattered = narrow * gain * left + wide * wide_left
     given = compute_intensity_fraction(light, lamp, to_point, from_lamp)
     size = from_lamp * from_lamp
     given *= size / (size + lamp.size_m2) * 3.0 * u * u * span / closest

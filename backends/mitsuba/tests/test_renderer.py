@@ -27,6 +27,7 @@ from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.semantics import Semantic
 from advercity.testing import BackendContract
 from advercity.world import Body, StreetLamp, World
+from tests.lamp_glow import integrate_street_glow
 from tests.render_builders import LUMINANCE, build_box, build_clear_air, set_matt_materials
 
 pytestmark = pytest.mark.render
@@ -126,6 +127,30 @@ def test_headlamps_have_the_pattern_that_sensors_know(backend: MitsubaBackend, l
     assert np.count_nonzero(ahead) > 50
     ratio = brightness(found)[ahead].mean() / brightness(expected)[ahead].mean()
     assert ratio == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("extinction", [2e-4, 0.03], ids=["clear", "fog"])
+def test_a_street_lamp_glows_as_an_integral_along_rays(
+    backend: MitsubaBackend, extinction: float
+) -> None:
+    lamp = StreetLamp((12.0, 4.0, 8.0))
+    fog = AirExtinction(fog=Extinction(at_550nm=extinction))
+    night = build_clear_air(night=True, extinction=fog)
+    world = build_world(STATIC[:1], lamps=(lamp,))
+    seen = render(backend, night, world=world, frame=Frame(0, 0.0, (), {}), samples=256)
+    width, height = SIZE
+    row, column = (index.ravel() for index in np.mgrid[0:16:3, 1:width:6])
+    rays = np.stack(
+        [np.full(row.shape, width / 2), width / 2 - column - 0.5, height / 2 - row - 0.5]
+    )
+    rays = rays.T / np.linalg.norm(rays, axis=0)[:, None]
+    intensity = lamp.flux_lm / math.pi
+    expected = integrate_street_glow(lamp.position, intensity, extinction, EYE[:3, 3], rays)
+    # The lens itself, and the steep glow beside it, are of whole pixels.
+    away = np.subtract(lamp.position, EYE[:3, 3])
+    beside = rays @ away / np.linalg.norm(away) < math.cos(math.radians(4.0))
+    ratio = brightness(seen)[row, column][beside] / expected[beside]
+    assert ratio == pytest.approx(1.0, abs=0.06)
 
 
 def test_beams_in_fog_glow_as_sapiens(backend: MitsubaBackend) -> None:
