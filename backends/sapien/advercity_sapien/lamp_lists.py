@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from advercity.geometry.arrays import Float32Array, FloatArray
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.lamp_beams import BEAMS, LENS, LOW_BEAM, LampPattern, LightSource
+from advercity.physics.scattering import DropletPhaseLobes
 from advercity.rendering.backend import CameraView
+from advercity.rendering.fog_beams import DROPLET_UM
 from advercity_sapien.shader_table import (
     BEARINGS,
     CELL_LAMPS,
@@ -37,6 +39,9 @@ NEGLIGIBLE_FRACTION = 5e-3
 MIN_ILLUMINANCE_LX, MIN_LUMINANCE_CD_M2 = 1e-3, 1e-4
 NEGLIGIBLE_AIRLIGHT_FRACTION = 0.03
 """Fraction of the airlight which glow need not exceed to be left out."""
+MAX_SCATTERED_FRACTION = 0.05
+"""Light that fog scatters out of a beam, at a point, to what it would have there in clear air."""
+DROPLETS = DropletPhaseLobes.from_diameter_um(DROPLET_UM)
 STREET_LAMP_HEIGHT_M = 6.0
 """Least height of a street lamp above what it lights."""
 LOW_BEAM_SIGMA_RAD = np.radians(LOW_BEAM.horizontal_sigma_deg)
@@ -163,12 +168,22 @@ class LampLists:
             ],
             LENS.relative_intensity(np.cos(off_axis)) / (nearest**2 + 1.0),
         )
+        lux *= self._fraction_left(nearest)
         lux[nearest > self._range_m] = 0.0
         merged = self._is_paired & (nearest > PAIR_MERGE_M)
         # The first stands for both, if the second is in range.
         merged[:, :-1] &= lux[:, 1:] > 0.0
         lux[:, 1:][merged[:, :-1]] = 0.0
         return _pack_lists(np.where(merged, 2.0, 1.0) * lux, merged, self._faint_lx)
+
+    def _fraction_left(self, distance: FloatArray) -> FloatArray:
+        """Compute the fraction (cells, n) of lamps' light that fog leaves at distances (cells, n).
+
+        As the shaders have it: street lamps lose nothing, and of a beam fog scatters a part down.
+        """
+        left = np.exp(-DROPLETS.wide_fraction * self._extinction * distance)
+        left += MAX_SCATTERED_FRACTION * (1.0 - left)
+        return np.where(self._kind == LampPattern.STREET, 1.0, left)
 
     def _list_by_tile(self, view: CameraView) -> tuple[FloatArray, Float32Array]:
         """List lamps (tiles, LAMPS_PER_TILE) by their glow.
