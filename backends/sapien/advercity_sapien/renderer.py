@@ -39,6 +39,7 @@ COMPACT_IMAGES = {
     **dict.fromkeys(
         ("Colour", "Facing", "Relief", "Mirror", "Ambient", "Reflex", "Glow"), "R16G16B16A16Sfloat"
     ),
+    **dict.fromkeys(("Levels", "Spread"), "R16G16B16A16Sfloat"),
 }
 """Formats of the raster pack's images that need no single precision; SAPIEN gives every image 16
 bytes a texel. A format holds for a name in all packs, so the ray-traced one has other names."""

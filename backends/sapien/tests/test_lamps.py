@@ -10,7 +10,9 @@ from advercity_sapien import SapienBackend
 
 from advercity.frames import Lamp, Signal
 from advercity.geometry.poses import pose_matrix
+from advercity.physics.extinction import extinction_from_mor
 from advercity.physics.lamp_beams import intensity_towards
+from advercity.physics.scattering import DropletPhaseLobes
 from advercity.rendering.backend import RenderProfile
 from advercity.rendering.fog_beams import compute_fog_beams
 from advercity.rendering.light_sources import list_light_sources
@@ -46,6 +48,35 @@ def test_beams_in_fog_have_no_pattern_of_their_samples() -> None:
     bright = beside > 0.1 * seen.max()
     assert bright.sum() > 200
     assert np.median(np.abs(middle / beside - 1.0)[bright]) < 0.01
+
+
+def test_light_of_a_thin_bar_that_fog_deflects_is_even_along_it_and_all_there() -> None:
+    """A slanting bar beside a wall of the same light, each without what a black one shows."""
+    air, profile = air_of(mor_m=60.0, night=True), RenderProfile("test", 1.0, "raster")
+    lamp, distance, width = StreetLamp((0.0, 0.0, 20.0), flux_lm=1e5), 20.0, 0.25
+
+    def render(height: float, material: str) -> Floats:
+        thing = build_box((distance + 0.5, 0.0, 0.0), (1.0, 80.0, height), material)
+        with SapienBackend().open(world_of(thing, street_lamps=(lamp,)), air, profile) as renderer:
+            renderer.place(frame_of())
+            slanting = pose_matrix((0.0, 0.0, 0.0), roll=0.2)
+            return luminance(renderer.render_camera(view_of(slanting, size=(240, 160))))
+
+    wall, bar = (render(height, "white") - render(height, "black") for height in (60.0, width))
+    lobes = DropletPhaseLobes.from_diameter_um(12.0)
+    depth = lobes.narrow_fraction * extinction_from_mor(60.0) * distance
+    spread = float(lobes.forward_spread_rad(np.array(depth)))
+    # Of the light of a line, what is deflected to an angle beside it: the integral of the Cauchy
+    # distributions of all places of the path, along the line.
+    row, column = np.indices(bar.shape) - np.array([79.5, 119.5])[:, None, None]
+    beside = np.abs(row * np.cos(0.2) + column * np.sin(0.2)) / 120.0
+    along = np.hypot(row, column) < 50.0
+    for low in (0.03, 0.05, 0.07):
+        ring = along & (beside > low) & (beside < low + 0.02)
+        part = np.log1p((spread / beside[ring]) ** 2) / (2.0 * np.pi * spread)
+        expected = -np.expm1(-depth) * width / distance * wall[ring] * part
+        assert bar[ring].mean() == pytest.approx(expected.mean(), rel=0.25)
+        assert np.std(bar[ring] / expected) < 0.25
 
 
 def test_a_street_lamp_gives_the_illuminance_of_its_flux(opened: Open) -> None:

@@ -1,5 +1,5 @@
 // Lamps of streets, signals and vehicles, and their glow in fog.
-// Needs whole_numbers.glsl, shader_constants.glsl, shader_table.glsl, atmosphere.glsl, surface.glsl.
+// Needs whole_numbers.glsl, shader_constants.glsl, shader_table.glsl, atmosphere.glsl, surface.glsl, deflection.glsl.
 
 // What every lamp needs of the table's numbers, fetched once a pixel: each fetch costs as much as a step.
 float airExtinction = 0.0, negligibleRadiance = 0.0;
@@ -106,8 +106,8 @@ bool beamAngles(vec3 facing, vec3 ray, out float h, out float v) {
 }
 
 // Droplets scatter half of the light by a few degrees only (the narrow lobe of their phase
-// function), and what is deflected so little still lights and shows things: scattering.py of the core
-// has the formulas. Optical depth of the narrow lobe alone:
+// function), and what is deflected so little still lights and shows things. Optical depth of the narrow
+// lobe alone:
 float narrowDepth(float distance) {
   return (1.0 - DROPLET_WIDE_FRACTION) * airExtinction * distance;
 }
@@ -123,39 +123,6 @@ bool deflectsVisibly() { return airExtinction > 6e-3; }
 // Ratio of the light that is seen of a lamp-lit surface to what is not scattered, where deflected
 // light counts as not deflected.
 float undeflectedGain(float distance) { return exp(min(narrowDepth(distance), 8.0)); }
-
-// Spread, in radians, of light that the narrow lobe deflects on a path of an optical depth above 0.
-float forwardSpread(float depth) {
-  return DROPLET_NARROW_SCALE * depth / (depth < 1e-3 ? depth : 1.0 - exp(-depth));
-}
-
-// Density of deflections by an angle, without the factor that their part of a circle gives.
-float deflectionDensity(float angle, float spread) {
-  float spreads = angle / spread, root = sqrt(1.0 + spreads * spreads);
-  return 1.0 / (spread * root * (root + spreads));
-}
-
-const float MOST_DEFLECTED = 0.97;  // the rest would look for light where nothing is known of it
-
-// Draw the angle of a deflection by a random number in [0, 1), up to MOST_DEFLECTED of all.
-float drawDeflection(float number, float spread) {
-  float rest = 1.0 - MOST_DEFLECTED * number;
-  return spread * (1.0 - rest * rest) / (2.0 * rest);
-}
-
-// Direction at an angle off a ray, turned around it.
-vec3 deflectRay(vec3 ray, float angle, float turn) {
-  vec3 across = normalize(cross(ray, abs(ray.z) < 0.9 ? vec3(0.0, 0.0, 1.0) : vec3(1.0, 0.0, 0.0)));
-  return cos(angle) * ray + sin(angle) * (cos(turn) * across + sin(turn) * cross(ray, across));
-}
-
-// Weight of the lamp-lit radiance of a surface that is seen at an angle off a ray, for one drawn
-// with a spread: part of it that fog deflects into the ray, and that it leaves.
-float deflectedWeight(float angle, float spread, float distance) {
-  float depth = narrowDepth(distance);
-  float given = deflectionDensity(angle, forwardSpread(depth)) / deflectionDensity(angle, spread);
-  return MOST_DEFLECTED * given * (1.0 - exp(-depth)) * unscatteredTransmittance(distance);
-}
 
 // Fraction of light that droplets deflect farther to one side than so many spreads.
 float fractionBeyond(float spreads) {
@@ -268,8 +235,8 @@ vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, float coatLeaves, vec3 p
   float perMetre = inversesqrt(max(distance2, 1e-6)), distance = distance2 * perMetre;
   vec3 ray = away * perMetre;
   // What each part can be is known without the beam's shape, which is expensive. Scattered light is more
-  // than this of the peak's only near a lamp, where it is far from negligible.
-  const float MAX_SCATTERED = 0.05, MAX_BY_ROAD = 6e-3;
+  // than this of the peak's only near a lamp, where it is far from negligible, ahead of it or elsewhere.
+  const float MAX_SCATTERED = 0.05, MAX_SCATTERED_ASIDE = 6e-3, MAX_BY_ROAD = 6e-3;
   float left = beamTransmittance(l, distance);
   float given = rangeFalloff(l, distance) / (distance2 + lampSizeSquared(l));
   vec3 scattered = l.intensity * s.albedo / PI;
@@ -280,7 +247,8 @@ vec3 lampReflection(Lamp l, Surface s, vec3 towardsEye, float coatLeaves, vec3 p
     vec3 direct = l.intensity * (given * left) * reflected;
     if (dot(direct, vec3(1.0)) >= negligibleRadiance) sum += direct * intensityFraction(l, ray, distance);
   }
-  float most = MAX_SCATTERED * (1.0 - left) + (byRoad ? MAX_BY_ROAD * left : 0.0);
+  float most = (dot(l.facing, ray) > 0.5 ? MAX_SCATTERED : MAX_SCATTERED_ASIDE) * (1.0 - left);
+  if (byRoad) most += MAX_BY_ROAD * left;
   if (isBeam(l) && most * given * dot(scattered, vec3(1.0)) >= negligibleRadiance) {
     vec4 light = scatteredLight(l, position, byRoad);
     sum += scattered * rangeFalloff(l, distance) * scatteredIrradiance(light, s.normal);

@@ -20,7 +20,8 @@ layout(location = 0) out vec4 outSeen;
 // nothing.
 layout(location = 1) out vec4 outReflex;
 // Dithered, of every second pixel of every second row, side by side: light of lamps that air scatters
-// towards the camera, and of surfaces that they light. Last, whether lamps glow.
+// towards the camera. Last, the depth, negative if fog deflects light visibly. To the right of it light that
+// is deflected (spread_light.glsl). All is 0 where no lamps glow.
 layout(location = 2) out vec4 outGlow;
 
 #include "../whole_numbers.glsl"
@@ -29,9 +30,11 @@ layout(location = 2) out vec4 outGlow;
 #include "../atmosphere.glsl"
 #include "../airlight.glsl"
 #include "../surface.glsl"
+#include "../deflection.glsl"
 #include "../lamps.glsl"
 #include "./lamp_shadows.glsl"
 #include "./pixel_samples.glsl"
+#include "./spread_light.glsl"
 #include "./view.glsl"
 #include "./dither.glsl"
 
@@ -117,7 +120,7 @@ vec3 mirrorRadiance(vec3 position, vec3 ray, vec3 normal, float alpha, float dis
 vec3 filterAmbient(float depth) {
   const float TOLERANCE = 0.03;
   vec4 own = texelFetch(samplerAmbient, wholeNumber(floor(gl_FragCoord.xy)), 0);
-  ivec2 first = ditherBlock(wholeNumber(floor(gl_FragCoord.xy)) % pixelCount(), pixelCount());
+  ivec2 first = ditherBlock(pixelOf(wholeNumber(floor(gl_FragCoord.xy))), pixelCount());
   float sum = 0.0, weight = 0.0;
   for (int i = 0; i < DITHER * DITHER; ++i) {
     ivec2 texel = first + ivec2(i % DITHER, i / DITHER);
@@ -129,27 +132,26 @@ vec3 filterAmbient(float depth) {
   return weight > 0.0 ? own.rgb * (sum / weight - own.a) : vec3(0.0);
 }
 
-// Radiance of the surfaces around that lamps light and fog deflects into a ray: dithered.
-vec3 deflectedLight(vec3 ray, float distance, float jitter) {
-  const int TAPS = 8;
-  const float GOLDEN_TURN = 2.399963;
-  float spread = forwardSpread(narrowDepth(min(distance, 60.0)));
-  vec3 sum = vec3(0.0);
-  for (int i = 0; i < TAPS; ++i) {
-    float number = (float(i) + jitter) / float(TAPS);
-    float angle = drawDeflection(number, spread);
-    vec3 found = deflectRay(ray, angle, GOLDEN_TURN * (float(i) + 16.0 * jitter));
-    vec4 clip = cameraBuffer.projectionMatrix * vec4(found * mat3(cameraBuffer.viewMatrixInverse), 1.0);
-    if (clip.w <= 0.0) continue;
-    // Beyond the edges of the image, what is at them goes on.
-    ivec2 pixel = pixelAt(clip.xy / clip.w * 0.5 + 0.5);
+// Light of lamps that a surface at a pixel or another sample reflects.
+vec3 lightByLamps(vec4 lit, ivec2 pixel) {
+  vec4 ambient = texelFetch(samplerAmbient, pixel, 0);
+  return max(lit.rgb - ambient.rgb * ambient.a, 0.0);
+}
+
+// Light that fog deflects of a texel of the first level.
+vec4 deflectedTexel(ivec2 texel) {
+  vec4 sum = vec4(0.0);
+  for (int i = 0; i < 4; ++i) {
+    ivec2 pixel = min(2 * texel + ivec2(i & 1, i >> 1), pixelCount() - 1);
     vec4 lit = texelFetch(samplerLit, pixel, 0);
     if (lit.a <= 0.0) continue;
-    vec3 byLamps = lit.rgb - texelFetch(samplerAmbient, pixel, 0).rgb;
-    // `clip.w` of a unit ray is its depth per distance.
-    sum += max(byLamps, 0.0) * deflectedWeight(angle, spread, lit.a / clip.w);
+    float distancePerDepth;
+    rayThrough(imagePlace(surfaceTexel(pixel)), distancePerDepth);
+    float distance = lit.a * distancePerDepth, depth = narrowDepth(distance);
+    vec3 light = lightByLamps(lit, pixel) * (1.0 - exp(-depth)) * unscatteredTransmittance(distance);
+    sum += 0.25 * vec4(light, depth * (light.r + light.g + light.b));
   }
-  return sum / float(TAPS);
+  return sum;
 }
 
 // Radiance through a pane of a normal, with what it mirrors of sky and sun.
@@ -166,14 +168,25 @@ float distanceTo(float depth, float distancePerDepth) {
   return depth > 0.0 ? depth * distancePerDepth : FAR_M;
 }
 
-// Light of lamps that comes along the ray of a pixel without having met its surface.
-vec3 lampGlow(ivec2 pixel, vec3 eye, float jitter) {
+// Light of lamps that air scatters into the ray of a pixel, and the depth of its surface.
+vec4 lampGlow(ivec2 pixel, vec3 eye, float jitter) {
   vec2 place = imagePlace(surfaceTexel(pixel));
-  float distancePerDepth;
+  float distancePerDepth, depth = texelFetch(samplerLit, pixel, 0).a;
   vec3 ray = rayThrough(place, distancePerDepth);
-  float distance = distanceTo(texelFetch(samplerLit, pixel, 0).a, distancePerDepth);
-  vec3 scattered = lampsInScattering(place, eye, ray, distance, GlowSteps(5, 2, 2), jitter);
-  return deflectsVisibly() ? scattered + deflectedLight(ray, distance, jitter) : scattered;
+  float distance = distanceTo(depth, distancePerDepth);
+  vec3 glow = lampsInScattering(place, eye, ray, distance, GlowSteps(5, 2, 2), jitter);
+  return vec4(glow, depth > 0.0 ? depth : FAR_M);
+}
+
+// Texel of the image of glow, and of light that fog deflects to the right of it.
+vec4 glowTexel(ivec2 texel, vec3 eye) {
+  if (all(lessThan(texel, glowCount()))) {
+    vec4 glow = lampGlow(glowPixel(texel), eye, coarseDither(texel));
+    return deflectsVisibly() ? vec4(glow.rgb, -glow.a) : glow;
+  }
+  ivec2 at = texel - deflectedOrigin();
+  bool isOne = at.x >= 0 && all(lessThan(at, levelSize(1)));
+  return isOne && deflectsVisibly() ? deflectedTexel(at) : vec4(0.0);
 }
 
 void main() {
@@ -182,9 +195,9 @@ void main() {
   float jitter = dither(gl_FragCoord.xy);
   outReflex = vec4(0.0);
   outGlow = vec4(0.0);
-  if (isNight() && all(lessThan(pixel, glowCount()))) {
+  if (isNight()) {
     fetchLampAir();
-    outGlow = vec4(lampGlow(glowPixel(pixel), eye, coarseDither(pixel)), 1.0);
+    outGlow = glowTexel(pixel, eye);
   }
   vec4 lit = texelFetch(samplerLit, pixel, 0);
   if (lit.a == NO_LIGHT) {
@@ -205,6 +218,11 @@ void main() {
     return;
   }
   vec3 radiance = lit.rgb;
+  if (isNight() && deflectsVisibly()) {
+    // What is deflected by less than its pixel stays there.
+    float kept = fractionNarrower(narrowestOf(1), spreadInPixels(place, narrowDepth(distance)));
+    radiance += kept * (undeflectedGain(distance) - 1.0) * lightByLamps(lit, pixel);
+  }
   if (!isDark()) radiance += filterAmbient(depth);
   vec4 mirror = texelFetch(samplerMirror, pixel, 0);
   if (mirror.z > 0.0) {

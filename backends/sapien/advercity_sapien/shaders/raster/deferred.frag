@@ -34,6 +34,7 @@ layout(location = 2) out vec4 outAmbient;
 #include "../sampling.glsl"
 #include "../texture.glsl"
 #include "../ground.glsl"
+#include "../deflection.glsl"
 #include "../lamps.glsl"
 #include "./lamp_shadows.glsl"
 #include "./pixel_samples.glsl"
@@ -106,7 +107,7 @@ bool hasLightOfMiddle(ivec2 texel) {
 
 void main() {
   ivec2 texel = surfaceTexel(wholeNumber(floor(gl_FragCoord.xy)));
-  if (texel % samplesPerAxis() != ivec2(0) && hasLightOfMiddle(texel)) {
+  if (withinPixel(texel) != ivec2(0) && hasLightOfMiddle(texel)) {
     outLit = vec4(0.0, 0.0, 0.0, NO_LIGHT);
     return;
   }

@@ -18,17 +18,24 @@ int samplesPerAxis() {
 
 ivec2 sampleCount() { return wholeNumber(vec2(cameraBuffer.width, cameraBuffer.height)); }
 
-ivec2 pixelCount() { return sampleCount() / samplesPerAxis(); }
+// Texels divided by the samples of a pixel, one or two, and the remainder: LLVM divides whole numbers one
+// pixel after another.
+ivec2 perPixel(ivec2 texels) { return texels >> (samplesPerAxis() - 1); }
+ivec2 withinPixel(ivec2 texels) { return texels & (samplesPerAxis() - 1); }
+
+ivec2 pixelCount() { return perPixel(sampleCount()); }
+
+// Which sample of its pixel a texel in images of light is, and its pixel.
+ivec2 sampleOf(ivec2 lightTexel) { return ivec2(greaterThanEqual(lightTexel, pixelCount())); }
+ivec2 pixelOf(ivec2 lightTexel) { return lightTexel - sampleOf(lightTexel) * pixelCount(); }
 
 // Texel in images of surfaces, of a texel in images of light, and the inverse.
 ivec2 surfaceTexel(ivec2 lightTexel) {
-  ivec2 pixels = pixelCount();
-  return lightTexel % pixels * samplesPerAxis() + lightTexel / pixels;
+  return pixelOf(lightTexel) * samplesPerAxis() + sampleOf(lightTexel);
 }
 
 ivec2 lightTexel(ivec2 surfaceTexel) {
-  int samples = samplesPerAxis();
-  return surfaceTexel / samples + surfaceTexel % samples * pixelCount();
+  return perPixel(surfaceTexel) + withinPixel(surfaceTexel) * pixelCount();
 }
 
 // Place in the camera's image of a texel in images of surfaces.

@@ -22,7 +22,6 @@ float similarity(SeenSurface one, SeenSurface other) {
 
 // Middle of one of the up to four pixels around a sample: among the samples.
 ivec2 adjacentMiddle(ivec2 texel, int number) {
-  int samples = samplesPerAxis();
-  ivec2 side = ivec2(number % 2, number / 2) * (texel % samples);
-  return min(texel / samples + side, pixelCount() - 1) * samples;
+  ivec2 side = ivec2(number & 1, number >> 1) * withinPixel(texel);
+  return min(perPixel(texel) + side, pixelCount() - 1) * samplesPerAxis();
 }
