@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from advercity.assets.rigged_bodies import pose_body
+from advercity.assets.rigged_bodies import pose_body, pose_vertices
 from advercity.frames import ActorState, Frame
-from advercity.geometry.arrays import Float64Array
+from advercity.geometry.arrays import Float32Array, Float64Array, IndexArray
 from advercity.geometry.boxes import Box
 from advercity.geometry.mesh import Mesh, MeshLayer, Wheel
 from advercity.geometry.poses import Matrix, pose_matrix
@@ -48,6 +48,16 @@ class BodyShape:
         others = len(bodies[self.blueprint].others)
         rounds = self.figure // (1 + others) if others else 0
         return tuple(_recolour_clothes(mesh, rounds) for mesh in meshes) if rounds else meshes
+
+    def compute_vertices(self, bodies: Mapping[str, Body]) -> Float32Array:
+        """Compute the vertices (n, 3) of all parts of `build_meshes` in sequence."""
+        if self.is_parked:
+            return np.concatenate([mesh.vertices for mesh in self.build_meshes(bodies)])
+        return pose_vertices(self.select_body(bodies), self.pose_index)
+
+    def to_rest(self) -> "BodyShape":
+        """Return the shape of the same body in no pose of its gait."""
+        return replace(self, pose_index=None)
 
     def select_body(self, bodies: Mapping[str, Body]) -> Body:
         """Select the body of the figure, with or without umbrella."""
@@ -103,9 +113,15 @@ def build_pose_box_fitter(bodies: Mapping[str, Body]) -> Callable[[Frame], Frame
     """
 
     @cache
+    def find_used_vertices(rest: BodyShape) -> IndexArray:
+        meshes = rest.build_meshes(bodies)
+        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+        used = [np.unique(mesh.triangles) for mesh in meshes]
+        return np.concatenate([rows + start for rows, start in zip(used, starts, strict=True)])
+
+    @cache
     def measure_extent(shape: BodyShape) -> tuple[Float64Array, Float64Array]:
-        meshes = shape.build_meshes(bodies)
-        vertices = np.concatenate([mesh.vertices[np.unique(mesh.triangles)] for mesh in meshes])
+        vertices = shape.compute_vertices(bodies)[find_used_vertices(shape.to_rest())]
         return vertices.min(axis=0).astype(np.float64), vertices.max(axis=0).astype(np.float64)
 
     def fit_state(state: ActorState) -> ActorState:

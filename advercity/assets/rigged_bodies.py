@@ -9,6 +9,7 @@ from advercity.assets.skeleton import BONE_SIDES
 from advercity.assets.soft_shapes import SoftShape
 from advercity.geometry.arrays import Float32Array, Float64Array, IndexArray
 from advercity.geometry.mesh import Mesh, Size, TriangleSurface, join_surfaces, shade_smooth
+from advercity.identity_cache import cache_by_identity
 from advercity.semantics import Semantic
 from advercity.world import Body, Gait
 
@@ -72,34 +73,86 @@ def _merge_surfaces(material: str, semantic: Semantic, limbs: Sequence[SkinnedSu
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Skin:
+    """Points and the bones that move each: one or two of many, as a rule.
+
+    Attributes:
+        points: (n, 3) float32 at rest.
+        bones: Of all points the first bone that moves it, then of those that have one the second,
+            and so on: rows (m,) of the points, bones (m,), weights (m, 1).
+    """
+
+    points: Float32Array
+    bones: tuple[tuple[IndexArray, IndexArray, Float32Array], ...]
+
+    @classmethod
+    def build(cls, weights: Float32Array, points: Float32Array) -> "_Skin":
+        """Build it from the weights (n, bones) of all bones, nearly all of which are zero."""
+        counts = np.count_nonzero(weights, axis=1)
+        order = np.argsort(weights == 0.0, axis=1, kind="stable")
+        bones: list[tuple[IndexArray, IndexArray, Float32Array]] = []
+        for number in range(int(counts.max(initial=1))):
+            rows = np.flatnonzero(counts > number) if number else np.arange(len(points))
+            bones.append((rows, order[rows, number], weights[rows, order[rows, number]][:, None]))
+        return cls(points, tuple(bones))
+
+    def blend(self, transforms: Float32Array) -> Float32Array:
+        """Blend the transforms of bones (bones, 3, 4) to those of the points (n, 3, 4)."""
+        # Not by a product of matrices: OpenBLAS sums in another order on every kind of processor.
+        flat = transforms.reshape(len(transforms), -1)
+        (_, first, weights), *others = self.bones
+        blended = flat.take(first, axis=0) * weights
+        for rows, bones, weights in others:
+            blended[rows] += flat.take(bones, axis=0) * weights
+        return blended.reshape(-1, 3, 4)
+
+    def move(self, transforms: Float32Array) -> Float32Array:
+        """Move the points (n, 3) by transforms of bones (bones, 3, 4): linear blend skinning."""
+        return self.apply(self.blend(transforms))
+
+    def apply(self, blended: Float32Array) -> Float32Array:
+        """Apply its own transform (n, 3, 4) to each point."""
+        return np.einsum("nij,nj->ni", blended[..., :3], self.points) + blended[..., 3]
+
+
+@cache_by_identity(maxsize=512)
+def _build_body_skin(body: Body) -> _Skin:
+    weights = [part.weights for part in body.parts if part.weights is not None]
+    return _Skin.build(np.concatenate(weights), _join_vertices(body.parts))
+
+
 def pose_body(body: Body, pose: int | None) -> tuple[Mesh, ...]:
     """Compute the parts of a body in a pose of its gait; None: at rest."""
     if pose is None or body.gait is None:
         return body.parts
-    transforms = body.gait.bone_transforms[pose]
-    return tuple(_skin_mesh(part, transforms) for part in body.parts)
+    skin = _build_body_skin(body)
+    blended = skin.blend(body.gait.bone_transforms[pose])
+    ends = np.cumsum([len(part.vertices) for part in body.parts])[:-1]
+    moved, turns = np.split(skin.apply(blended), ends), np.split(blended[..., :3], ends)
+    return tuple(
+        replace(part, vertices=vertices, normals=_turn_normals(part.normals, turn))
+        for part, vertices, turn in zip(body.parts, moved, turns, strict=True)
+    )
 
 
-def _skin_mesh(part: Mesh, transforms: Float32Array) -> Mesh:
-    """Move a mesh by transforms (bones, 3, 4): linear blend skinning."""
-    if part.weights is None:
-        return part
-    blended, vertices = _blend_transforms(part.weights, transforms, part.vertices)
-    normals = None
-    if part.normals is not None:
-        normals = np.einsum("nij,nj->ni", blended[..., :3], part.normals)
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return replace(part, vertices=vertices, normals=normals)
+def pose_vertices(body: Body, pose: int | None) -> Float32Array:
+    """Compute the vertices (n, 3) of all parts of `pose_body` in sequence."""
+    if pose is None or body.gait is None:
+        return _join_vertices(body.parts)
+    return _build_body_skin(body).move(body.gait.bone_transforms[pose])
 
 
-def _blend_transforms(
-    weights: Float32Array, transforms: Float32Array, points: Float32Array
-) -> tuple[Float32Array, Float32Array]:
-    """Blend transforms (n, 3, 4) by weights (n, bones), and apply them to points (n, 3)."""
-    # Not by a product of matrices: OpenBLAS sums in another order on every kind of processor.
-    blended = np.einsum("nb,bij->nij", weights, transforms)
-    moved = np.einsum("nij,nj->ni", blended[..., :3], points) + blended[..., 3]
-    return blended, moved
+def _join_vertices(parts: Sequence[Mesh]) -> Float32Array:
+    return np.concatenate([part.vertices for part in parts])
+
+
+def _turn_normals(normals: Float32Array | None, rotations: Float32Array) -> Float32Array | None:
+    """Turn normals (n, 3) by rotations (n, 3, 3) that may also stretch."""
+    if normals is None:
+        return None
+    turned = np.einsum("nij,nj->ni", rotations, normals)
+    return turned / np.linalg.norm(turned, axis=1, keepdims=True)
 
 
 def fit_to_box(body: Body, size: Size) -> Body:
@@ -133,8 +186,9 @@ def compute_extent(body: Body) -> tuple[Float64Array, Float64Array]:
         weights, points = weights[outermost], points[outermost]
         shift_m = body.gait.cycle_length_m / len(poses) / 2 if body.gait.returns_to_rest else 0.0
         shift = np.array([shift_m, 0.0, 0.0])
+        skin = _Skin.build(weights, points)
         for transforms in poses:
-            _, moved = _blend_transforms(weights, transforms, points)
+            moved = skin.move(transforms)
             axes = np.ascontiguousarray(moved.T)  # three long rows are searched sooner
             corners.append((axes.min(axis=1) - shift, axes.max(axis=1) + shift))
     low, high = np.array(corners, dtype=np.float64).swapaxes(0, 1)

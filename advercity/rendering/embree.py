@@ -27,9 +27,9 @@ from advercity.geometry.poses import Matrix
 _GEOMETRY_TRIANGLE, _GEOMETRY_INSTANCE = 0, 121
 _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
 _UINT3, _FLOAT3, _FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9134
-_ROBUST, _COHERENT = 1 << 2, 1 << 16
+_DYNAMIC, _ROBUST, _COHERENT = 1 << 0, 1 << 2, 1 << 16
 _EVERY_FEATURE = 0xFFFFFFFF
-_LOW_QUALITY = 0
+_LOW_QUALITY, _REFIT_QUALITY = 0, 3
 
 _RAYS_PER_PACKET, _FIELDS_PER_RAY = 16, 21
 """Layout of RTCRayHit16: rays per packet, and 4-byte fields per ray."""
@@ -62,10 +62,10 @@ class EmbreeMesh:
 
     Args:
         meshes: The meshes.
-        short_lived: It is for one frame: it is built in half the time, and rays take longer.
+        is_posed: Its vertices will be moved.
     """
 
-    def __init__(self, meshes: Sequence[Mesh], *, short_lived: bool = False) -> None:
+    def __init__(self, meshes: Sequence[Mesh], *, is_posed: bool = False) -> None:
         starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
         triangles = [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
         embree, geometry = _load_embree(), _new_geometry(_GEOMETRY_TRIANGLE)
@@ -74,11 +74,26 @@ class EmbreeMesh:
         _copy_buffer(geometry, _BUFFER_VERTEX, _FLOAT3, np.concatenate(vertices, dtype=np.float32))
         corners = np.concatenate([np.zeros((0, 3), np.int32), *triangles]).astype(np.uint32)
         _copy_buffer(geometry, _BUFFER_INDEX, _UINT3, corners)
-        self.scene = _new_scene(self)
-        if short_lived:
+        self.scene, self._geometry = _new_scene(self, is_dynamic=is_posed), geometry
+        if is_posed:
+            # A scene of any other quality builds its tree anew.
             embree.rtcSetSceneBuildQuality(self.scene, _LOW_QUALITY)
-            embree.rtcSetGeometryBuildQuality(geometry, _LOW_QUALITY)
+            embree.rtcSetGeometryBuildQuality(geometry, _REFIT_QUALITY)
         _attach(self.scene, geometry)
+        embree.rtcCommitScene(self.scene)
+        _raise_on_error()
+
+    def move_vertices(self, vertices: FloatArray) -> None:
+        """Move the vertices (n, 3) of a posed mesh, in a tenth of the time to build another.
+
+        Embree refits its tree, whose structure stays that of the meshes as they were given: so hits
+        do not depend on the poses in between. Scenes of instances must be built again.
+        """
+        embree, rows = _load_embree(), np.ascontiguousarray(vertices, np.float32)
+        buffer = embree.rtcGetGeometryBufferData(self._geometry, _BUFFER_VERTEX, 0)
+        ctypes.memmove(buffer, rows.ctypes.data, rows.nbytes)
+        embree.rtcUpdateGeometryBuffer(self._geometry, _BUFFER_VERTEX, 0)
+        embree.rtcCommitGeometry(self._geometry)
         embree.rtcCommitScene(self.scene)
         _raise_on_error()
 
@@ -249,6 +264,8 @@ def _load_embree() -> Any:
         ("rtcSetGeometryTimeStepCount", None, c_void_p, c_uint),
         ("rtcSetGeometryTransform", None, c_void_p, c_uint, c_uint, c_void_p),
         ("rtcSetGeometryTransformQuaternion", None, c_void_p, c_uint, c_void_p),
+        ("rtcGetGeometryBufferData", c_void_p, c_void_p, c_uint, c_uint),
+        ("rtcUpdateGeometryBuffer", None, c_void_p, c_uint, c_uint),
         (
             "rtcSetNewGeometryBuffer",
             c_void_p,
@@ -262,7 +279,9 @@ def _load_embree() -> Any:
 
 @cache
 def _open_device() -> int:
-    return _load_embree().rtcNewDevice(None)
+    # Embree's threads wait for work busily, which doubles the processor time of small trees. A run
+    # has a process for every core.
+    return _load_embree().rtcNewDevice(b"threads=1")
 
 
 def _raise_on_error() -> None:
@@ -271,11 +290,11 @@ def _raise_on_error() -> None:
         raise RunError(f"Embree reports error {error}; is there enough memory?")
 
 
-def _new_scene(owner: object) -> int:
+def _new_scene(owner: object, *, is_dynamic: bool = False) -> int:
     """Create a scene that lives as long as its owner, without gaps between adjacent triangles."""
     scene = _load_embree().rtcNewScene(_open_device())
     weakref.finalize(owner, _load_embree().rtcReleaseScene, scene)
-    _load_embree().rtcSetSceneFlags(scene, _ROBUST)
+    _load_embree().rtcSetSceneFlags(scene, _ROBUST | _DYNAMIC if is_dynamic else _ROBUST)
     return scene
 
 

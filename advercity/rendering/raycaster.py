@@ -1,13 +1,14 @@
 """Ray casting against the static world and the bodies that move in it, by Embree.
 
-The static world is one mesh, every shape that a body takes another, built at first use; poses of
-people are freed when nobody is in them. A frame is a scene of instances, which are in motion if
-rays are cast between two frames. So little is built from frame to frame.
+The static world is one mesh, every rigid body another, built at first use. Meshes of people move
+from pose to pose, and are freed when nobody is in them. A frame is a scene of instances, which are
+in motion if rays are cast between two frames. So little is built from frame to frame.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,7 +93,8 @@ class Raycaster:
         self._bodies = world.bodies
         self._triangles = _TriangleTable()
         self._world = self._register_meshes(world.static)
-        self._shapes: dict[BodyShape, _RegisteredMesh] = {}
+        self._rigid: dict[BodyShape, _RegisteredMesh] = {}
+        self._posed: dict[BodyShape, _RegisteredMesh] = {}
         self._frames: tuple[Frame | None, Frame | None] = (None, None)
         self._placed = self._build_placement(Frame(0, 0.0, (), {}), None)
 
@@ -150,8 +152,9 @@ class Raycaster:
     def _build_placement(self, frame: Frame, previous_frame: Frame | None) -> "_PlacedFrame":
         states = frame.states
         bodies = [compute_body_pose(state, self._bodies) for state in states]
-        self._free_poses({body.shape for body in bodies})
-        meshes = [self._world, *(self._get_shape_mesh(body.shape) for body in bodies)]
+        shapes = [body.shape for body in bodies]
+        self._pose_people({shape: None for shape in shapes if shape.pose_index is not None})
+        meshes = [self._world, *map(self._get_shape_mesh, shapes)]
         body_from_mesh = np.array([np.eye(4), *(body.body_from_mesh for body in bodies)])
         current = [np.eye(4), *(state.world_from_body for state in states)] @ body_from_mesh
         previous = None
@@ -170,24 +173,42 @@ class Raycaster:
         )
 
     def _get_shape_mesh(self, shape: BodyShape) -> "_RegisteredMesh":
-        if shape not in self._shapes:
-            meshes = shape.build_meshes(self._bodies)
-            is_pose = shape.pose_index is not None
-            self._shapes[shape] = self._register_meshes(meshes, short_lived=is_pose)
-        return self._shapes[shape]
+        if shape.pose_index is not None:
+            return self._posed[shape]
+        if shape not in self._rigid:
+            self._rigid[shape] = self._register_meshes(shape.build_meshes(self._bodies))
+        return self._rigid[shape]
 
-    def _free_poses(self, used: Set[BodyShape]) -> None:
-        """Free the poses that nobody is in: people have more than fit in memory."""
-        for shape in [item for item in self._shapes if item.pose_index is not None]:
-            if shape not in used:
-                freed = self._shapes.pop(shape)
-                self._triangles.remove(freed.first_triangle, freed.num_triangles)
+    def _pose_people(self, wanted: Mapping[BodyShape, None]) -> None:
+        """Have a mesh in each of the poses of a frame, in their order, and in no others.
+
+        People have more poses than fit in memory, and most are in another in each frame: meshes
+        move to the next pose of the same person, and those of people who are gone are freed.
+        """
+        before, self._posed = self._posed, {}
+        spare: defaultdict[BodyShape, list[_RegisteredMesh]] = defaultdict(list)
+        for shape, registered in before.items():
+            if shape in wanted:
+                self._posed[shape] = registered
+            else:
+                spare[shape.to_rest()].append(registered)
+        for shape in wanted:
+            if shape not in self._posed:
+                rest = shape.to_rest()
+                registered = spare[rest].pop() if spare[rest] else self._register_posed(rest)
+                registered.mesh.move_vertices(shape.compute_vertices(self._bodies))
+                self._posed[shape] = registered
+        for registered in chain.from_iterable(spare.values()):
+            self._triangles.remove(registered.first_triangle, registered.num_triangles)
+
+    def _register_posed(self, rest: BodyShape) -> "_RegisteredMesh":
+        return self._register_meshes(rest.build_meshes(self._bodies), is_posed=True)
 
     def _register_meshes(
-        self, meshes: Sequence[Mesh], *, short_lived: bool = False
+        self, meshes: Sequence[Mesh], *, is_posed: bool = False
     ) -> "_RegisteredMesh":
         num_triangles = sum(len(mesh.triangles) for mesh in meshes)
-        mesh = EmbreeMesh(meshes, short_lived=short_lived)
+        mesh = EmbreeMesh(meshes, is_posed=is_posed)
         return _RegisteredMesh(mesh, self._triangles.add(meshes), num_triangles)
 
 

@@ -22,7 +22,7 @@ from advercity.assets.body_pose import compute_body_pose
 from advercity.assets.downloads import AssetPackage
 from advercity.assets.model_store import ModelStore
 from advercity.assets.people.shapes import list_target_names
-from advercity.assets.rigged_bodies import pose_body
+from advercity.assets.rigged_bodies import pose_body, pose_vertices
 from advercity.compiler import load_library
 from advercity.dataset.attribution import LICENCE_URLS
 from advercity.errors import InputError, RunError
@@ -292,6 +292,24 @@ def test_thighs_shins_and_arms_keep_their_lengths_and_knees_bend_one_way(body: B
     knee_deg = np.degrees(shin_rad - thigh_rad)
     assert knee_deg.max() < 5.0 or knee_deg.min() > -5.0
     assert 40.0 < np.abs(knee_deg).max() < 80.0
+
+
+def test_each_point_moves_by_the_weighted_mean_of_its_bones(body: Body):
+    assert body.gait is not None
+    moved = pose_vertices(body, 5).astype(float)
+    np.testing.assert_array_equal(
+        moved, np.concatenate([part.vertices for part in pose_body(body, 5)])
+    )
+    turns = body.gait.bone_transforms[5].astype(float)
+    for part, places in zip(body.parts, np.split(moved, _list_ends(body)), strict=True):
+        by_bone = np.einsum("bij,nj->nbi", turns[..., :3], part.vertices) + turns[..., 3]
+        assert part.weights is not None
+        mean = (part.weights[..., None] * by_bone).sum(axis=1)
+        np.testing.assert_allclose(places, mean, atol=1e-5)
+
+
+def _list_ends(body: Body) -> NDArray[np.int64]:
+    return np.cumsum([len(part.vertices) for part in body.parts])[:-1]
 
 
 def test_an_umbrella_is_raised_above_the_head(body: Body):

@@ -1,5 +1,5 @@
 import gc
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -243,6 +243,42 @@ def test_poses_between_two_go_straight_and_turn_evenly() -> None:
     np.testing.assert_allclose(halves[0][:3, :3], halves[1][:3, :3], atol=1e-12)
     np.testing.assert_allclose(between[1][:3, 3], [2, 1.5, 0.5])
     np.testing.assert_allclose(transform_points(between[1], np.zeros(3)), [2, 1.5, 0.5])
+
+
+def build_bending_body() -> Body:
+    """A column whose upper half leans ahead, by another angle in each of 16 poses."""
+    lean = np.linspace(0.0, 1.2, 16)
+    turns = np.zeros((16, 2, 3, 4), np.float32)
+    turns[:, :, :, :3] = np.eye(3)
+    turns[:, 1, :, :3] = [rotation_matrix(pitch=angle) for angle in lean]
+    turns[:, 1, :, 3] = [[0, 0, 1] - rotation_matrix(pitch=angle) @ [0, 0, 1] for angle in lean]
+    part = box((0.5, 0.5, 2), (0, 0, 1), "cloth_blue", Semantic.PEDESTRIAN)
+    upper = (part.vertices[:, 2] > 1.0).astype(np.float32)
+    part = replace(part, weights=np.stack([1 - upper, upper], axis=1))
+    return Body((part,), (0.5, 0.5, 2), Gait(16.0, turns, returns_to_rest=True))
+
+
+def test_hits_on_people_do_not_depend_on_the_poses_that_they_were_in_before() -> None:
+    world = World("tried", (WALL,), {"walker": build_bending_body()}, (), Path("none"))
+    actor = Actor(1, "pedestrian", "walker", "cloth_grey", (0.5, 0.5, 2))
+    walker = ActorState(actor, pose_matrix((10, 0, 0)), 1.0, 0.0, Lamp(0))
+    frames = [frame(replace(walker, travelled_m=float(metres))) for metres in (3, 9, 14, 6)]
+    y, z = (grid.ravel() for grid in np.meshgrid(np.linspace(-1, 1, 41), np.linspace(0, 3, 61)))
+    ahead = rays(np.column_stack([0 * y, y, z]), np.tile([1.0, 0.0, 0.0], (len(y), 1)))
+    followed = Raycaster(world)
+    seen: list[bytes] = []
+    for moment in frames:
+        alone = Raycaster(world)
+        hits: list[RayHits] = []
+        for eye in (followed, alone):
+            eye.place(moment)
+            hits.append(eye.cast(ahead, 100.0))
+        for item in fields(RayHits):
+            one, other = (getattr(found, item.name) for found in hits)
+            np.testing.assert_array_equal(one, other)
+        assert (hits[0].instance == 1).sum() > 100
+        seen.append(hits[0].range_m.tobytes())
+    assert len(set(seen)) == len(frames)
 
 
 def test_poses_of_people_are_freed_and_met_again() -> None:
