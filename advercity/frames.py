@@ -61,11 +61,20 @@ class Actor:
     """Material of a vehicle's painted parts, or of a person's coat."""
     size: tuple[float, float, float]
     """Full length, width and height in metres; of a pedestrian, in all poses of the gait."""
+    towed_by: int = 0
+    """Id of the tractor unit of a semi-trailer, whose lamps it has; 0 of all others."""
 
     @staticmethod
-    def from_blueprint(number: int, name: str, blueprint: Blueprint, paint: str) -> "Actor":
+    def from_blueprint(
+        number: int, name: str, blueprint: Blueprint, paint: str, *, towed_by: int = 0
+    ) -> "Actor":
         """Build an actor from the blueprint of a name."""
-        return Actor(number, blueprint.actor_class, name, paint, blueprint.size)
+        return Actor(number, blueprint.actor_class, name, paint, blueprint.size, towed_by)
+
+    @property
+    def vehicle_id(self) -> int:
+        """Id of the vehicle that it is a part of: of a semi-trailer, that of its tractor unit."""
+        return self.towed_by or self.id
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,9 +300,14 @@ class Trace:
             np.savez_compressed(stream, allow_pickle=False, **self._columns())
 
     def _columns(self) -> dict[str, NDArray[np.generic]]:
+        # Without trailers there is no column of them, so that the checksum is that of earlier
+        # versions.
+        names = [item.name for item in fields(Actor)]
+        if not any(actor.towed_by for actor in self.actors):
+            names.remove("towed_by")
         table = {
-            f"actor_{item.name}": np.array([getattr(actor, item.name) for actor in self.actors])
-            for item in fields(Actor)
+            f"actor_{name}": np.array([getattr(actor, name) for actor in self.actors])
+            for name in names
         }
         return {
             "tick_s": np.array(self.tick_s),
@@ -313,6 +327,7 @@ class Trace:
         """
         columns = load_arrays(path, max_bytes=MAX_TRACE_BYTES)
         try:
+            columns.setdefault("actor_towed_by", np.zeros_like(columns["actor_id"]))
             _check_columns(columns)
             trace = _build_trace(columns)
             _check_trace(trace)
@@ -328,7 +343,7 @@ MAX_STATE_VALUE = 1e7
 _COLUMNS: dict[str, tuple[str, int]] = {
     **{"tick_s": ("f", 0), "first_tick": ("i", 0), "signal_ids": ("U", 1), "signals": ("u", 2)},
     **{f"actor_{name}": ("U", 1) for name in ("actor_class", "blueprint", "paint")},
-    **{"actor_id": ("i", 1), "actor_size": ("f", 2)},
+    **{"actor_id": ("i", 1), "actor_size": ("f", 2), "actor_towed_by": ("i", 1)},
     **{f"state_{name}": (STATE_DTYPE[name].kind, 1) for name in STATE_COLUMNS},
 }
 """Kind and number of dimensions of every array of a trace's file."""
@@ -355,16 +370,15 @@ def _check_columns(columns: Mapping[str, NDArray[Any]]) -> None:
 
 
 def _build_trace(columns: Mapping[str, NDArray[Any]]) -> Trace:
-    table = [columns[f"actor_{item.name}"].tolist() for item in fields(Actor)]
+    table = {item.name: columns[f"actor_{item.name}"].tolist() for item in fields(Actor)}
+    table["size"] = [tuple(size) for size in table["size"]]
     states = np.empty(len(columns["state_tick"]), STATE_DTYPE)
     for name in STATE_COLUMNS:
         states[name] = columns[f"state_{name}"]
     return Trace(
         tick_s=float(columns["tick_s"]),
         first_tick=int(columns["first_tick"]),
-        actors=tuple(
-            Actor(*values[:-1], size=tuple(values[-1])) for values in zip(*table, strict=True)
-        ),
+        actors=tuple(Actor(*values) for values in zip(*table.values(), strict=True)),
         states=states,
         signal_ids=tuple(columns["signal_ids"].tolist()),
         signals=columns["signals"],
@@ -385,6 +399,7 @@ def _check_trace(trace: Trace) -> None:
         "actors of states": not len(actors) or 0 <= actors.min() <= actors.max() < len(ids),
         "order of states": bool((np.diff(order) > 0).all()),
         "ids of actors": len({*ids}) == len(ids) and all(number > 0 for number in ids),
+        "towing of actors": {one.towed_by for one in trace.actors if one.towed_by} <= {*ids},
         "classes of actors": {one.actor_class for one in trace.actors} <= {*get_args(ActorClass)},
         "sizes of actors": bool(((sizes > 0) & (sizes < MAX_ACTOR_SIZE_M)).all()),
         "signals": not trace.signals.size or trace.signals.max() <= max(Signal),

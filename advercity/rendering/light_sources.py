@@ -66,6 +66,7 @@ SIGNAL_LENS_OFFSET_M = 0.02
 def list_light_sources(world: World, frame: Frame) -> list[LightSource]:
     """List all lamps that are lit in a frame at night."""
     beams = zip(frame.states, unobstructed_distance_m(frame.states), strict=True)
+    towing = {state.actor.towed_by for state in frame.states}
     lamps = [
         *(_build_street_light(lamp) for lamp in world.street_lamps),
         *(
@@ -75,7 +76,13 @@ def list_light_sources(world: World, frame: Frame) -> list[LightSource]:
             for lamp in world.signal_lamps
             if frame.signals[lamp.id] in SIGNAL_HEADS[lamp.governs].lens_heights_m
         ),
-        *(lamp for state, free_m in beams for lamp in _iterate_vehicle_lights(state, free_m)),
+        *(
+            lamp
+            for state, free_m in beams
+            for lamp in _iterate_vehicle_lights(
+                state, free_m, has_rear=state.actor.id not in towing
+            )
+        ),
     ]
     # Those that flicker may be dark throughout an exposure.
     return [lamp for lamp in lamps if lamp.intensity_cd > 0.0]
@@ -111,7 +118,11 @@ def unobstructed_distance_m(states: Sequence[ActorState]) -> NDArray[np.float64]
     return np.where(blocks, np.maximum(gap, 0.0) + LIT_BEHIND_OCCLUDER_M, np.inf).min(axis=1)
 
 
-def _iterate_vehicle_lights(state: ActorState, unobstructed_m: float) -> Iterator[LightSource]:
+def _iterate_vehicle_lights(
+    state: ActorState, unobstructed_m: float, *, has_rear: bool
+) -> Iterator[LightSource]:
+    """Iterate over the lamps of a vehicle; a lorry has those in front on its tractor unit only."""
+    has_front = not state.actor.towed_by
     pose, length = state.world_from_body, state.actor.size[0]
     ahead = pose[:3, 0]
     half_length_m = length / 2.0 + LAMP_BODY_CLEARANCE_M
@@ -128,17 +139,17 @@ def _iterate_vehicle_lights(state: ActorState, unobstructed_m: float) -> Iterato
         (Lamp.HIGH_BEAM, LampPattern.HIGH_BEAM, HIGH_BEAM_CD.get(vehicle, 0.0)),
     ):
         beam_cd = both_cd / len(sides)
-        for left in sides if lamp in state.lamps and beam_cd > 0.0 else ():
+        for left in sides if has_front and lamp in state.lamps and beam_cd > 0.0 else ():
             y = left * LOW_BEAM_OFFSET_FRACTION * state.actor.size[1]
             front = tuple(transform_points(pose, [half_length_m, y, LAMP_HEIGHT_M]))
             yield LightSource(pattern, front, tuple(ahead), beam_cd, colour, unobstructed_m)
-    if Lamp.FOG in state.lamps:
+    if has_front and Lamp.FOG in state.lamps:
         low = tuple(transform_points(pose, [half_length_m, 0.0, FOG_LAMP_HEIGHT_M]))
         down = np.cos(FOG_LAMP_TILT_RAD) * ahead - np.sin(FOG_LAMP_TILT_RAD) * pose[:3, 2]
         yield LightSource(
             LampPattern.FOG_BEAM, low, tuple(down), FRONT_FOG_CD, HALOGEN_COLOUR, unobstructed_m
         )
-    if state.lamps & (Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG):
+    if has_rear and state.lamps & (Lamp.BRAKE | Lamp.LOW_BEAM | Lamp.FOG):
         tail_cd = TAIL_CD * state.tail_light_ratio
         rear_cd = BRAKE_CD if Lamp.BRAKE in state.lamps else tail_cd
         rear_cd += REAR_FOG_CD if Lamp.FOG in state.lamps else 0.0
@@ -147,15 +158,17 @@ def _iterate_vehicle_lights(state: ActorState, unobstructed_m: float) -> Iterato
             offset = left * REAR_LAMP_OFFSET_FRACTION * state.actor.size[1] * pose[:3, 1]
             position = tuple(rear + offset)
             yield LightSource(LampPattern.LENS, position, tuple(-ahead), rear_cd, RED_LAMP_COLOUR)
-    yield from _iterate_indicator_lights(state, half_length_m)
+    front_end = (half_length_m, ahead, FRONT_INDICATOR_CD)
+    rear_end = (-half_length_m, -ahead, REAR_INDICATOR_CD)
+    ends = [*([front_end] if has_front else []), *([rear_end] if has_rear else [])]
+    yield from _iterate_indicator_lights(state, ends)
 
 
-def _iterate_indicator_lights(state: ActorState, half_length_m: float) -> Iterator[LightSource]:
-    pose, ahead = state.world_from_body, state.world_from_body[:3, 0]
-    ends = (
-        (half_length_m, ahead, FRONT_INDICATOR_CD),
-        (-half_length_m, -ahead, REAR_INDICATOR_CD),
-    )
+def _iterate_indicator_lights(
+    state: ActorState, ends: Sequence[tuple[float, NDArray[np.float64], float]]
+) -> Iterator[LightSource]:
+    """Iterate over the lit indicators of ends of a vehicle: x, direction and intensity of each."""
+    pose = state.world_from_body
     for lamp, left in ((Lamp.LEFT, 1.0), (Lamp.RIGHT, -1.0)):
         if lamp in state.lamps:
             y = left * REAR_LAMP_OFFSET_FRACTION * state.actor.size[1]

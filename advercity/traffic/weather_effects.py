@@ -38,7 +38,7 @@ def _apply_lamps(state: ActorState, lamps: Lamps, time_s: float) -> ActorState:
     if actor_class == "pedestrian":
         return state
     lit = state.lamps
-    phase = (INDICATOR_FREQUENCY_HZ * time_s + GOLDEN_FRACTION * state.actor.id) % 1.0
+    phase = (INDICATOR_FREQUENCY_HZ * time_s + GOLDEN_FRACTION * state.actor.vehicle_id) % 1.0
     if actor_class == "bicycle" or phase >= 0.5:
         lit &= ~_INDICATORS
     if lamps.low_beam:
@@ -62,7 +62,7 @@ def fit_led_headlamps(
 
     def has_leds(state: ActorState) -> bool:
         actor = state.actor
-        if actor.actor_class in ("pedestrian", "bicycle"):
+        if actor.actor_class in ("pedestrian", "bicycle") or actor.towed_by:
             return False
         declared = blueprints[actor.blueprint].headlamps if actor.blueprint in blueprints else None
         if declared:
@@ -115,6 +115,7 @@ def light_high_beams(frame: Frame, fraction: float, *, seed: int) -> Frame:
     def lit(state: ActorState) -> Lamp:
         if (
             state.actor.actor_class in ("pedestrian", "bicycle")
+            or state.actor.towed_by
             or Lamp.LOW_BEAM not in state.lamps
             or state.speed_m_s < MIN_HIGH_BEAM_SPEED_M_S
             or _draw_threshold(seed, "high_beam", state.actor.id) >= fraction

@@ -170,6 +170,10 @@ def _compute_engine_excess(
         is_engine = (np.abs(ahead) < 0.2) & (up > 0.2) & (up < 0.65)
         return np.where(is_engine & ~_IS_CLOTH[material], MOTORCYCLE_ENGINE_K, 0.0)
     excess = np.where(_IS_GLASS[material], CABIN_K, 0.0)
+    excess[_IS_RUBBER[material]] += TYRE_K
+    excess[_IS_WHEEL_METAL[material] & (beside > 0.35) & (up < 0.6)] += BRAKE_K
+    if state.actor.towed_by:
+        return excess  # the engine is in the tractor unit
     is_body = ~_IS_GLASS[material] & ~_IS_RUBBER[material]
     is_bonnet = is_body & (ahead > 0.22) & (normal[:, 2] > 0.5) & (up < 0.75 * height)
     is_grille = is_body & (ahead > 0.45) & (normal[:, 0] > 0.5) & (beside < 0.35)
@@ -177,8 +181,6 @@ def _compute_engine_excess(
     excess[is_bonnet] += BONNET_K * np.clip(1.2 - 1.6 * beside[is_bonnet], 0.0, 1.0)
     excess[is_grille & (up > 0.25) & (up < 0.85)] += GRILLE_K
     excess[is_body & (normal[:, 2] < -0.3)] += UNDERSIDE_K
-    excess[_IS_RUBBER[material]] += TYRE_K
-    excess[_IS_WHEEL_METAL[material] & (beside > 0.35) & (up < 0.6)] += BRAKE_K
     side = 1.0 if state.actor.id % 2 else -1.0
     off_m = np.hypot(place[:, 1] - side * 0.3 * width, up - EXHAUST_HEIGHT_M)
     spot = np.exp(-0.5 * (off_m / EXHAUST_SPREAD_M) ** 2)
