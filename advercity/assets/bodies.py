@@ -8,7 +8,9 @@ import numpy as np
 from advercity_dsl import ActorClass, Blueprint, LampPositions
 
 from advercity.assets.cabins import build_model_cabin
+from advercity.assets.cargo_boxes import build_model_cargo_trim
 from advercity.assets.cars import build_car, build_van
+from advercity.assets.lorries import build_semitrailer, build_tractor
 from advercity.assets.model_conversion import format_model_name
 from advercity.assets.model_files import read_glb
 from advercity.assets.model_images import find_images_file, name_image, read_images
@@ -17,7 +19,7 @@ from advercity.assets.model_wheels import find_model_wheels
 from advercity.assets.pedestrians import build_pedestrian, build_people, draw_looks
 from advercity.assets.people.storage import read_people
 from advercity.assets.rigged_bodies import fit_to_box
-from advercity.assets.trucks import build_model_cargo_trim, build_truck
+from advercity.assets.trucks import build_truck
 from advercity.assets.two_wheelers import build_bicycle, build_model_rider, build_motorcycle
 from advercity.assets.vehicle_parts import add_indicators, make_vehicle_parts
 from advercity.errors import RunError
@@ -106,6 +108,10 @@ def _build_fitted_body(blueprint_id: str, blueprint: Blueprint, store: ModelStor
         return build_pedestrian(looks, blueprint)
     elif actor_class in _BODY_BUILDERS:
         return fit_to_box(_BODY_BUILDERS[actor_class](blueprint_id, size), size)
+    elif blueprint.tows:
+        parts = build_tractor(blueprint_id, size, blueprint.tows)
+    elif blueprint.semitrailer:
+        parts = build_semitrailer(blueprint_id, size, blueprint.semitrailer)
     else:
         parts = _PART_BUILDERS[actor_class](blueprint_id, size)
     return fit_to_box(Body(tuple(build_meshes(parts)), size), size)

@@ -1,6 +1,5 @@
 """Builds trucks: a cab-over with a box body, and a fire truck."""
 
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -8,8 +7,9 @@ import numpy as np
 
 from advercity.assets.car_forms import CAB
 from advercity.assets.car_surface import CarSurface
+from advercity.assets.cargo_boxes import CargoBox, build_cargo_trim
 from advercity.assets.cars import build_body_on_wheels
-from advercity.assets.lettering import WritingPlane, build_number_plate, fit_height, write_text
+from advercity.assets.lettering import build_number_plate
 from advercity.assets.vehicle_parts import build_axle, make_vehicle_parts
 from advercity.geometry.mesh import (
     MeshPart,
@@ -21,15 +21,9 @@ from advercity.geometry.mesh import (
 )
 from advercity.geometry.primitives import box, rectangles, tube
 from advercity.materials import ACTOR_PAINT
-from advercity.randomness import create_generator
-
-_HAULIERS = "BREAD DAILY", "FJELL GLASS", "MOVING HOME", "QUICK PARCELS", "RIVER PAPER", "SOFA HAUL"
-_MIN_CARGO_M3 = 8.0
-"""Volume above which a white box of a truck's model is its cargo box."""
-_BOX_TRIANGLES = 12
 
 
-class _CabPlace(NamedTuple):
+class CabPlace(NamedTuple):
     """Where a cab is: x of its ends and of its axle, half of its width, heights and mirrors."""
 
     front: float
@@ -39,16 +33,6 @@ class _CabPlace(NamedTuple):
     width: float
     axle_x: float
     wheel_m: float
-
-
-class _CargoBox(NamedTuple):
-    """Where a cargo box is: x of its ends, half of its width, heights of floor and roof."""
-
-    rear: float
-    front: float
-    side: float
-    low: float
-    high: float
 
 
 def build_truck(blueprint_id: str, size: Size) -> list[MeshPart]:
@@ -62,15 +46,15 @@ def _build_box_truck(blueprint_id: str, size: Size) -> list[MeshPart]:
     front, half = length / 2, width / 2 - 0.14
     behind = front - 0.31 * length
     rear, side = -length / 2, width / 2 - 0.06
-    cab = _CabPlace(front, behind, half, 0.94 * height, width, front - 0.17 * length, 0.42)
-    cargo = _CargoBox(rear, behind - 0.06, side, 0.75, height)
+    cab = CabPlace(front, behind, half, 0.94 * height, width, front - 0.17 * length, 0.42)
+    cargo = CargoBox(rear, behind - 0.06, side, 0.75, height)
     walls = box((rear, -side, cargo.low), (cargo.front, side, height))
     return [
-        *_build_cab(blueprint_id, cab, ACTOR_PAINT),
+        *build_cab(blueprint_id, cab, ACTOR_PAINT),
         *make_vehicle_parts("car_paint_white", walls),
-        *_build_cargo_trim(blueprint_id, cargo),
+        *build_cargo_trim(blueprint_id, cargo),
         *_build_chassis(length, half),
-        *_build_rear_lamps(blueprint_id, rear, half, 0.6),
+        *build_rear_lamps(blueprint_id, rear, half, 0.6),
         *_build_axles((cab.axle_x, -length / 2 + 0.24 * length), half, cab.wheel_m),
     ]
 
@@ -79,7 +63,7 @@ def _build_fire_truck(blueprint_id: str, size: Size) -> list[MeshPart]:
     length, width, height = size
     front, half, roof = length / 2, width / 2 - 0.16, 0.86 * height
     rear, top = -length / 2, 0.86 * height - 0.7
-    cab = _CabPlace(front, front - 2.3, half, roof, width, front - 1.45, 0.50)
+    cab = CabPlace(front, front - 2.3, half, roof, width, front - 1.45, 0.50)
     behind = front - 2.25
     body = box((rear + 0.02, -half, 0.85), (behind - 0.05, half, 0.96 * roof))
     bay = (behind - 0.05 - rear) / 4
@@ -95,7 +79,7 @@ def _build_fire_truck(blueprint_id: str, size: Size) -> list[MeshPart]:
     )
     bar = box((front - 1.0, -0.8 * half, roof - 0.02), (front - 0.7, 0.8 * half, roof + 0.2))
     return [
-        *_build_cab(blueprint_id, cab, "car_paint_red"),
+        *build_cab(blueprint_id, cab, "car_paint_red"),
         *make_vehicle_parts("car_paint_red", body),
         *make_vehicle_parts("metal", *shutters, *_build_ladder(rear, front - 1.3, height)),
         *make_vehicle_parts("black_plastic", *_build_slats(rear, bay, half, top)),
@@ -103,12 +87,12 @@ def _build_fire_truck(blueprint_id: str, size: Size) -> list[MeshPart]:
         *make_vehicle_parts("car_paint_white", stripe),
         *make_vehicle_parts("car_paint_blue", bar, *_build_beacons(rear, half, 0.96 * roof)),
         *_build_chassis(length, half),
-        *_build_rear_lamps(blueprint_id, rear, half, 0.95),
+        *build_rear_lamps(blueprint_id, rear, half, 0.95),
         *_build_axles((cab.axle_x, rear + 2.1), half, cab.wheel_m),
     ]
 
 
-def _build_cab(blueprint_id: str, place: _CabPlace, paint: str) -> list[MeshPart]:
+def build_cab(blueprint_id: str, place: CabPlace, paint: str) -> list[MeshPart]:
     """Build a cab-over of a paint."""
     length = place.front - place.behind
     form = replace(CAB, axles=((place.front - place.axle_x) / length, 9.0))
@@ -123,109 +107,6 @@ def _build_cab(blueprint_id: str, place: _CabPlace, paint: str) -> list[MeshPart
         )
         for part in parts
     ]
-
-
-def build_model_cargo_trim(blueprint_id: str, parts: Iterable[MeshPart]) -> list[MeshPart]:
-    """Build doors, frame and lettering of a truck's model whose cargo box is a plain box."""
-    trim: list[MeshPart] = []
-    for part in parts:
-        vertices = part.surface.vertices
-        low, high = vertices.min(axis=0).tolist(), vertices.max(axis=0).tolist()
-        is_plain = len(part.surface.triangles) <= _BOX_TRIANGLES
-        is_large = np.prod(np.subtract(high, low)) > _MIN_CARGO_M3
-        if part.material == "car_paint_white" and is_plain and is_large:
-            cargo = _CargoBox(low[0], high[0], high[1], low[2], high[2])
-            trim += _build_cargo_trim(blueprint_id, cargo)
-    return trim
-
-
-def _build_cargo_trim(blueprint_id: str, cargo: _CargoBox) -> list[MeshPart]:
-    """Build what is on a cargo box: frame, doors, and the haulier's name on a stripe."""
-    rear, front, side, low, _ = cargo
-    out = side + 0.01
-    stripe = box((rear + 0.3, -out, low + 0.5), (front - 0.34, out, low + 0.95))
-    return [
-        *make_vehicle_parts(ACTOR_PAINT, stripe),
-        *_build_lettering(
-            blueprint_id, (rear + front - 0.04) / 2, out, low + 0.725, 0.85 * (front - rear - 0.64)
-        ),
-        *_build_cargo_frame(cargo),
-        *_build_cargo_doors(cargo),
-    ]
-
-
-def _build_cargo_frame(cargo: _CargoBox) -> list[MeshPart]:
-    """Build the metal edges of a cargo box, and the rails along its flanks."""
-    rear, front, side, low, high = cargo
-    out, thick = 0.012, 0.07
-    posts = [
-        box((x, side - thick, low), (x + thick, side + out, high))
-        for x in (rear - out, front - thick + out)
-    ]
-    rails = [
-        box((rear, side - thick, z), (front, side + out, z + depth))
-        for z, depth in ((low, 0.12), (high - 0.06, 0.06))
-    ]
-    lintels = [
-        box((x, -side, z), (x + thick, side, z + 0.07))
-        for x in (rear - out, front - thick + out)
-        for z in (low, high - 0.07)
-    ]
-    return make_vehicle_parts("metal", *map(add_mirror_image, (*posts, *rails)), *lintels)
-
-
-def _build_cargo_doors(cargo: _CargoBox) -> list[MeshPart]:
-    """Build two rear doors: the rubber seal around them, locking bars, handles and hinges."""
-    rear, _, side, low, high = cargo
-    seals = [
-        *_build_outline(rear - 0.006, (side - 0.1, low + 0.12, high - 0.1), 0.05),
-        box((rear - 0.006, -0.03, low + 0.1), (rear + 0.02, 0.03, high - 0.1)),
-    ]
-    # Contour markings of UN Regulation 104.
-    markings = _build_outline(rear - 0.016, (side - 0.03, low + 0.04, high - 0.03), 0.05)
-    bars = [
-        tube([(rear - 0.022, y, low + 0.05), (rear - 0.022, y, high - 0.05)], 0.02, sides=6)
-        for y in (0.18, 0.62 * side)
-    ]
-    handles = [
-        box((rear - 0.045, y - 0.02, low + 0.42), (rear - 0.02, y + 0.26, low + 0.46))
-        for y in (0.18, 0.62 * side)
-    ]
-    hinges = [
-        box((rear - 0.02, side - 0.16, z), (rear + 0.01, side, z + 0.08))
-        for z in np.linspace(low + 0.25, high - 0.35, 4)
-    ]
-    return [
-        *make_vehicle_parts("black_plastic", *seals),
-        *make_vehicle_parts("sign_red", *markings),
-        *make_vehicle_parts("metal", *map(add_mirror_image, (*bars, *handles, *hinges))),
-    ]
-
-
-def _build_outline(
-    x: float, edges: tuple[float, float, float], wide: float
-) -> list[TriangleSurface]:
-    """Build a band that faces behind, along edges: half its width, its lower and upper height."""
-    half, low, high = edges
-    uprights = [(x, y, (low + high) / 2) for y in (-half, half)]
-    levels = [(x, 0, z) for z in (low, high)]
-    return [
-        rectangles(uprights, (0, -wide / 2, 0), (0, 0, (high - low) / 2)),
-        rectangles(levels, (0, -half, 0), (0, 0, wide / 2)),
-    ]
-
-
-def _build_lettering(
-    blueprint_id: str, x: float, side: float, z: float, length_m: float
-) -> list[MeshPart]:
-    """Write the name of a fictional haulier on both flanks, no longer than a length."""
-    name = str(create_generator("haulier", blueprint_id).choice(_HAULIERS))
-    height_m = fit_height(name, 0.26, length_m)
-    texts = [
-        write_text(name, WritingPlane((x, sign * side, z), (-sign, 0, 0)), height_m)
-        for sign in (1.0, -1.0)
-    ]
-    return make_vehicle_parts("car_paint_white", *texts)
 
 
 def _build_pump_bay(rear: float, half: float, top: float) -> list[MeshPart]:
@@ -271,7 +152,8 @@ def _build_chassis(length: float, half: float) -> list[MeshPart]:
     return make_vehicle_parts("black_plastic", beam, guard, bumper)
 
 
-def _build_rear_lamps(blueprint_id: str, rear: float, half: float, z: float) -> list[MeshPart]:
+def build_rear_lamps(blueprint_id: str, rear: float, half: float, z: float) -> list[MeshPart]:
+    """Build tail and brake lamps, indicators and the number plate at height `z`."""
     lamps = add_mirror_image(
         box((rear - 0.005, half - 0.42, z), (rear + 0.15, half - 0.06, z + 0.16))
     )

@@ -254,6 +254,8 @@ def _check_bodies(
             message = f"is a roadside unit of '{road.id}', which has no body"
         elif blueprint.actor_class not in CONNECTED_CLASSES:
             message = f"is a {blueprint.actor_class}; connected vehicles are cars, vans or trucks"
+        elif blueprint.tows or blueprint.semitrailer:
+            message = "is articulated; connected vehicles are rigid"
         elif blueprint.land_use not in ("any", road.land_use):
             message = f"is not seen on {road.land_use} roads such as '{road.id}'"
         else:

@@ -126,7 +126,7 @@ class ParticipantSampler:
         return [
             name
             for name, item in self.blueprints.items()
-            if item.actor_class == actor_class and item.fraction is None
+            if item.actor_class == actor_class and item.is_usual
         ]
 
     def _draw_from(self, names: Sequence[str], draw: np.random.Generator) -> RoadUser:

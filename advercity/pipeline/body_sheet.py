@@ -47,7 +47,7 @@ def draw_body_sheet(
     """Draw an image (h, w, 3), BGR: a row per blueprint, four views by day and four by night."""
     world = World(
         id="sheet",
-        static=(_build_ground(),),
+        static=(build_ground(),),
         bodies={
             name: build_body(name, blueprint, store if store.prepare_model(blueprint) else None)
             for name, blueprint in blueprints.items()
@@ -90,14 +90,25 @@ def _build_frame(name: str, blueprint: Blueprint) -> Frame:
     if blueprint.actor_class == "pedestrian":
         paint = draw_paint(blueprint.actor_class, name)
     lamps = Lamp(0) if blueprint.actor_class == "pedestrian" else ALL_LAMPS
-    actor = Actor(BLINKING_ACTOR_ID, blueprint.actor_class, name, paint, blueprint.size)
+    # A semi-trailer blinks as the tractor unit that is not in the picture.
+    number, towed_by = (
+        (BLINKING_ACTOR_ID + 1, BLINKING_ACTOR_ID)
+        if blueprint.semitrailer
+        else (BLINKING_ACTOR_ID, 0)
+    )
+    actor = Actor.from_blueprint(number, name, blueprint, paint, towed_by=towed_by)
     state = ActorState(actor, np.eye(4), 0.0, 0.0, lamps, steering_rad=STEERING_RAD)
     return Frame(index=0, time_s=0.0, states=(state,), signals={})
 
 
 def _render_view(renderer: Renderer, blueprint: Blueprint, azimuth: float) -> Uint8Array:
     width, height = CELL_PX
-    view = CameraView(_place_camera(blueprint, azimuth), width, height, FIELD_OF_VIEW_RAD)
+    place = _place_camera(blueprint, azimuth)
+    return take_photograph(renderer, CameraView(place, width, height, FIELD_OF_VIEW_RAD))
+
+
+def take_photograph(renderer: Renderer, view: CameraView) -> Uint8Array:
+    """Render a view as a camera without noise exposes it: (h, w, 3), BGR."""
     camera = Camera(mounts=(Mount(),), noise=False)
     light = add_stray_light(
         renderer.render_camera(view).radiance,
@@ -119,7 +130,8 @@ def _place_camera(blueprint: Blueprint, azimuth: float) -> Matrix:
     return poses.pose_matrix(place, yaw=azimuth + np.pi, pitch=float(np.arctan(raised)))
 
 
-def _build_ground() -> Mesh:
+def build_ground() -> Mesh:
+    """Build a plain of asphalt."""
     corners = [(-200.0, -200.0, 0.0), (200.0, -200.0, 0.0), (200.0, 200.0, 0.0), (-200.0, 200.0, 0)]
     return Mesh(
         name="ground",

@@ -31,7 +31,7 @@ def select_blueprint(
     misfits = {
         name: compute_misfit(blueprint, size)
         for name, blueprint in blueprints.items()
-        if blueprint.actor_class == actor_class and blueprint.fraction is None
+        if blueprint.actor_class == actor_class and blueprint.is_usual
     }
     if not misfits:
         known = sorted({blueprint.actor_class for blueprint in blueprints.values()})

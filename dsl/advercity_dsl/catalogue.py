@@ -5,7 +5,14 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import ByName, CompactModel, Declaration, Digest, Id
+from advercity_dsl.base import (
+    ByName,
+    CompactModel,
+    Declaration,
+    Digest,
+    Id,
+    InvalidCombination,
+)
 from advercity_dsl.traffic import ActorClass
 from advercity_dsl.units import (
     Count,
@@ -207,6 +214,24 @@ ActorMetres = Annotated[
 ]
 
 
+class FifthWheel(CompactModel):
+    """Coupling of a tractor unit: what it tows, and where."""
+
+    trailer: Id
+    """Blueprint of the semi-trailer, in the same catalogue."""
+    behind_front_m: ActorMetres
+    """Distance of the fifth wheel behind the front of the tractor unit."""
+
+
+class SemiTrailer(CompactModel):
+    """Kingpin and axles of a semi-trailer."""
+
+    kingpin_m: ActorMetres
+    """Distance of the kingpin behind the front of the semi-trailer."""
+    wheelbase_m: ActorMetres
+    """Distance of the middle of its axles behind the kingpin."""
+
+
 class Blueprint(CompactModel):
     """A kind of actor, with the full length, width and height of its box."""
 
@@ -229,8 +254,12 @@ class Blueprint(CompactModel):
     looks: PedestrianAppearance | None = None
     """Appearance of a pedestrian; derived from the blueprint's id if not given."""
     fraction: Annotated[Fraction, Field(gt=0)] | None = None
-    """Fraction of a road's drawn pedestrians who are of it; the others are of blueprints without
-    a fraction, as many of each. Staged and recorded pedestrians are never of it."""
+    """Fraction of a road's drawn pedestrians, or of its trucks, that are of it; the others are of
+    blueprints without a fraction, as many of each. Staged and recorded ones are never of it."""
+    tows: FifthWheel | None = None
+    """Semi-trailer of a tractor unit, which never drives without it."""
+    semitrailer: SemiTrailer | None = None
+    """What makes a truck a semi-trailer, which only drives behind its tractor unit."""
     model: BodyModel | None = None
     """A 3-D model; without it, the body is generated."""
 
@@ -257,10 +286,35 @@ class Blueprint(CompactModel):
         is_seated = self.looks is not None and self.looks.attachment == "wheelchair"
         return round(self.height_m / SEATED_HEIGHT_RATIO, 3) if is_seated else self.height_m
 
+    @property
+    def is_usual(self) -> bool:
+        """Whether its class alone decides that it is drawn: it has no fraction and is not towed."""
+        return self.fraction is None and self.semitrailer is None
+
     @model_validator(mode="after")
     def _check_fraction(self) -> Self:
-        if self.fraction is not None and self.actor_class != "pedestrian":
-            raise ValueError(f"`fraction` is for pedestrians, not for a {self.actor_class}")
+        if self.fraction is not None and self.actor_class not in ("pedestrian", "truck"):
+            raise ValueError(
+                f"`fraction` is for pedestrians and trucks, not for a {self.actor_class}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_coupling(self) -> Self:
+        if (self.tows or self.semitrailer) and self.actor_class != "truck":
+            raise ValueError(
+                f"`tows` and `semitrailer` are for trucks, not for a {self.actor_class}"
+            )
+        if self.tows:
+            if self.fraction is None or self.semitrailer:
+                raise ValueError("a tractor unit has a `fraction`, and is no semi-trailer")
+            if self.tows.behind_front_m >= self.length_m:
+                raise ValueError("the fifth wheel is behind the tractor unit; move it forward")
+        if self.semitrailer:
+            if self.fraction is not None:
+                raise ValueError("a semi-trailer has no `fraction`: its tractor unit has it")
+            if self.semitrailer.kingpin_m + self.semitrailer.wheelbase_m >= self.length_m:
+                raise ValueError("its axles are behind the semi-trailer; move them forward")
         return self
 
 
@@ -275,7 +329,35 @@ class Catalogue(Declaration):
 
     @model_validator(mode="after")
     def _check_fractions(self) -> Self:
-        total = sum(item.fraction or 0.0 for item in self.blueprints.values())
-        if total > 1.0:
-            raise ValueError(f"fractions of pedestrians add up to {total:g}; make it 1 or less")
+        for kind in ("pedestrian", "truck"):
+            same = (item for item in self.blueprints.values() if item.actor_class == kind)
+            total = sum(item.fraction or 0.0 for item in same)
+            if total > 1.0:
+                raise ValueError(f"fractions of {kind}s add up to {total:g}; make it 1 or less")
+        return self
+
+    @model_validator(mode="after")
+    def _check_trailers(self) -> Self:
+        for name, item in self.blueprints.items():
+            if item.tows is None:
+                continue
+            path = ("blueprints", name, "tows", "trailer")
+            trailer = self.blueprints.get(item.tows.trailer)
+            if trailer is None or trailer.semitrailer is None:
+                raise InvalidCombination(
+                    path,
+                    f"'{item.tows.trailer}' is no semi-trailer of the catalogue",
+                    "name a blueprint that has `semitrailer`",
+                )
+            if trailer.land_use not in ("any", item.land_use):
+                raise InvalidCombination(
+                    path,
+                    f"'{item.tows.trailer}' is {trailer.land_use}, what tows it {item.land_use}",
+                    "give both the same `land_use`",
+                )
+        ego = self.blueprints.get(self.ego)
+        if ego is not None and (ego.tows or ego.semitrailer):
+            raise InvalidCombination(
+                ("ego",), "is articulated", "connected vehicles are rigid cars, vans or trucks"
+            )
         return self
