@@ -283,19 +283,23 @@ def _find_minimum(values: NDArray[np.float64], ticks: NDArray[np.int32]) -> Metr
 
 
 def find_overlaps(trace: Trace, *, min_area_m2: float = 0.0) -> Iterator[BoxOverlap]:
-    """Find, tick by tick, pairs of actors whose outlines overlap by more than an area."""
+    """Find, tick by tick, pairs of actors whose outlines overlap by more than an area.
+
+    A semi-trailer lies over its tractor unit: these two are no pair.
+    """
     tracks = [ActorTrack.from_trace(trace, actor.id) for actor in trace.actors]
     if not tracks:
         return
     rows = np.concatenate([track.rows for track in tracks])
     boxes = np.concatenate([track.boxes for track in tracks])
     ids = np.array([actor.id for actor in trace.actors])[rows["actor"]]
+    vehicles = np.array([actor.vehicle_id for actor in trace.actors])[rows["actor"]]
     for tick in range(len(trace)):
         now = np.flatnonzero(rows["tick"] == tick)
         for pair in shapely.STRtree(boxes[now]).query(boxes[now], "intersects").T:
             first, second = now[pair]
             # The tree finds each pair twice, and every box in itself.
-            if first < second:
+            if first < second and vehicles[first] != vehicles[second]:
                 area = float(shapely.area(shapely.intersection(boxes[first], boxes[second])))
                 if area > min_area_m2:
                     yield BoxOverlap(int(ids[first]), int(ids[second]), tick, area)

@@ -35,10 +35,11 @@ class TrafficReport:
         trace_sha256: Checksum of the trace's content.
         frames: Number of kept ticks.
         duration_s: Their duration.
-        actors: Number of actors by class.
+        actors: Number of actors by class; an articulated lorry is one truck.
         driving: Extremes of the vehicles' driving.
         staged: What came of the staged conflicts, in their order.
-        met: The ego's encounters with all actors that come near it, the nearest first.
+        met: The ego's encounters with all actors that come near it, the nearest first; tractor
+            units and semi-trailers have their own.
         overlaps: Actors in one place, tick by tick; there should be none but those of collisions.
         is_recorded: Whether actors follow recorded trajectories, which may have collisions.
     """
@@ -106,13 +107,14 @@ def build_traffic_report(spec: Spec, trace: Trace, trace_sha256: str) -> Traffic
         for actor in trace.actors
         if actor.id != spec.ego.number
     )
+    vehicles = (actor for actor in trace.actors if not actor.towed_by)
     met = sorted((item for item in encounters if item), key=lambda item: item.distance_m.value)
     return TrafficReport(
         spec=spec.id,
         trace_sha256=trace_sha256,
         frames=len(trace),
         duration_s=round(len(trace) * trace.tick_s, 6),
-        actors=dict(sorted(Counter(actor.actor_class for actor in trace.actors).items())),
+        actors=dict(sorted(Counter(one.actor_class for one in vehicles).items())),
         driving=_compute_driving_extremes(trace),
         staged=tuple(evaluate_outcomes(spec, trace)),
         met=tuple(met),

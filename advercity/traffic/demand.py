@@ -3,12 +3,12 @@
 Each draw has a random stream of its own, so that no actor depends on the draws of another.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from advercity_dsl import Agent, DriverResponse, Spec, StagedActor, Vehicle
+from advercity_dsl import Agent, Blueprint, DriverResponse, Spec, StagedActor, Vehicle
 from advercity_dsl.units import KM_H_PER_M_S
 
 from advercity.conflicts.ego_motion import CRUISE_MARGIN_KM_H, SpeedZone, list_speed_zones
@@ -24,6 +24,7 @@ from advercity.roads.lane_graph import (
 )
 from advercity.roads.network_file import SumoLane
 from advercity.roads.streets import approach_name
+from advercity.traffic.blueprint_fractions import draw_by_fraction
 from advercity.traffic.paints import CONNECTED_PAINT, draw_paint
 from advercity.traffic.pedestrians import PedestrianTrip, draw_pedestrian_trips
 from advercity.traffic.placement import (
@@ -31,6 +32,7 @@ from advercity.traffic.placement import (
     compute_start_areas,
     iterate_start_positions,
 )
+from advercity.traffic.semitrailers import TowedTrailer, build_towed_trailer
 
 FIRST_BACKGROUND_VEHICLE = 1001
 ENTRY_SPEED_M_S = 4.0
@@ -60,6 +62,8 @@ class VehicleTrip:
         acceleration_limits_m_s2: Maximum acceleration and braking; None takes its class's.
         waits_s: Time for which it waits at its start.
         speed_zones: Stretches with a speed limit of its own, measured from its start.
+        trailer: Semi-trailer that it tows; SUMO's vehicle is both.
+        trailer_heading_rad: Heading of the semi-trailer at the start.
     """
 
     actor: Actor
@@ -73,6 +77,13 @@ class VehicleTrip:
     acceleration_limits_m_s2: tuple[float, float] | None = None
     waits_s: float = 0.0
     speed_zones: tuple[SpeedZone, ...] = ()
+    trailer: TowedTrailer | None = None
+    trailer_heading_rad: float = 0.0
+
+    @property
+    def length_m(self) -> float:
+        """Length of the vehicle with what it tows."""
+        return self.trailer.lorry_length_m if self.trailer else self.actor.size[0]
 
 
 @dataclass(frozen=True)
@@ -101,7 +112,18 @@ class TrafficDemand:
     @property
     def actors(self) -> tuple[Actor, ...]:
         """All actors."""
-        return (*(trip.actor for trip in (*self.trips, *self.walkers)), *self.scripted)
+        trailers = (trip.trailer.actor for trip in self.vehicles if trip.trailer)
+        return (
+            *(trip.actor for trip in (*self.trips, *self.walkers)),
+            *trailers,
+            *self.scripted,
+        )
+
+    def select_background(self, numbers: Iterable[int]) -> set[int]:
+        """Select the background actors among ids; a semi-trailer counts as its tractor unit."""
+        towing = {trip.trailer.actor.id: trip.actor.id for trip in self.vehicles if trip.trailer}
+        background = {trip.actor.id for trip in (*self.vehicles, *self.walkers)}
+        return {towing.get(number, number) for number in numbers} & background
 
 
 def draw_demand(
@@ -283,17 +305,20 @@ def _draw_background_trips(
     for index in range(count):
         number = FIRST_BACKGROUND_VEHICLE + index
         actor = _draw_actor(spec, number)
+        trailer = build_towed_trailer(spec, actor)
+        length_m = trailer.lorry_length_m if trailer else actor.size[0]
         start: tuple[SumoLane, float] | None = None
         for attempt in range(redraws.get(number, 0) + 1):
             shuffled = starts if attempt == 0 else _shuffle_starts(spec, starts, number, attempt)
-            free = (item for item in shuffled if occupancy.has_room(*item, actor.size[0]))
+            free = (item for item in shuffled if occupancy.has_room(*item, length_m))
             start = next(free, None) if index < starting else None
             if start is not None:
                 # A start that is passed over stays empty, so that no other vehicle moves.
                 starts.remove(start)
-                occupancy.occupy(*start, actor.size[0])
+                occupancy.occupy(*start, length_m)
         if start is not None or graph.entry_lanes:
-            yield _draw_trip(spec, graph, actor, start, redraws.get(number, 0))
+            trip = _draw_trip(spec, graph, actor, start, redraws.get(number, 0), length_m)
+            yield _add_trailer(trip, trailer, graph) if trailer else trip
 
 
 def _shuffle_starts(
@@ -305,7 +330,12 @@ def _shuffle_starts(
 
 
 def _draw_trip(
-    spec: Spec, graph: LaneGraph, actor: Actor, start: tuple[SumoLane, float] | None, redraws: int
+    spec: Spec,
+    graph: LaneGraph,
+    actor: Actor,
+    start: tuple[SumoLane, float] | None,
+    redraws: int,
+    length_m: float,
 ) -> VehicleTrip:
     draw = create_generator(spec.seeds.traffic, "ride", actor.id, *([redraws] if redraws else []))
     lane = start[0] if start else graph.entry_lanes[draw.integers(len(graph.entry_lanes))]
@@ -317,12 +347,20 @@ def _draw_trip(
         actor=actor,
         edges=_draw_random_route(graph, lane, draw),
         lane=lane.index,
-        front_position_m=start[1] + actor.size[0] / 2 if start else None,
+        front_position_m=start[1] + length_m / 2 if start else None,
         depart_s=0.0 if start else entry_s,
         start_speed_m_s=0.0 if start else min(ENTRY_SPEED_M_S, factor * lane.speed_limit_m_s / 2),
         speed_factor=factor,
         top_speed_m_s=slow if actor.actor_class == "bicycle" else MAX_BACKGROUND_SPEED_M_S,
     )
+
+
+def _add_trailer(trip: VehicleTrip, trailer: TowedTrailer, graph: LaneGraph) -> VehicleTrip:
+    lane = graph.lanes[f"{trip.edges[0]}_{trip.lane}"]
+    # One that enters has its rear at the start of the lane.
+    front_m = trailer.lorry_length_m if trip.front_position_m is None else trip.front_position_m
+    heading_rad = trailer.find_start_heading(lane, front_m)
+    return replace(trip, trailer=trailer, trailer_heading_rad=heading_rad)
 
 
 def slow_trip(
@@ -356,10 +394,10 @@ def _draw_random_route(
 
 def _draw_actor(spec: Spec, number: int) -> Actor:
     draw = create_generator(spec.seeds.traffic, "vehicle", number)
-    fitting: dict[str, list[str]] = {}
+    fitting: dict[str, dict[str, Blueprint]] = {}
     for name, blueprint in spec.blueprints.items():
-        if blueprint.land_use in ("any", spec.road.land_use):
-            fitting.setdefault(blueprint.actor_class, []).append(name)
+        if blueprint.land_use in ("any", spec.road.land_use) and not blueprint.semitrailer:
+            fitting.setdefault(blueprint.actor_class, {})[name] = blueprint
     weights = {
         name: weight for name, weight in spec.demand.classes.model_dump().items() if name in fitting
     }
@@ -370,7 +408,10 @@ def _draw_actor(spec: Spec, number: int) -> Actor:
         )
     fractions = np.array(list(weights.values())) / sum(weights.values())
     models = fitting[list(weights)[draw.choice(len(fractions), p=fractions)]]
-    name = models[draw.integers(len(models))]
+    # Those without a fraction first, so that fractions change no other vehicle.
+    usual = [name for name, item in models.items() if item.fraction is None] or list(models)
+    name = usual[draw.integers(len(usual))]
+    name = draw_by_fraction(models, spec.seeds.traffic, "vehicle fraction", number) or name
     blueprint = spec.blueprints[name]
     paint = draw_paint(blueprint.actor_class, spec.seeds.traffic, number, paints=blueprint.paints)
     return Actor.from_blueprint(number, name, blueprint, paint)

@@ -192,7 +192,7 @@ class _DryRuns:
         blockages = set(find_blockages(spec, trace))
         if blockages:
             self.reason = format_blockages(spec, blockages)
-            blockers = {item.blocker_id for item in blockages} & _list_background_ids(demand)
+            blockers = demand.select_background(item.blocker_id for item in blockages)
             # A staged actor cannot be redrawn: then what blocked before may have led to this.
             self._blockers = blockers or self._blockers
             if not self._blockers:
@@ -238,7 +238,7 @@ class _DryRuns:
         try:
             reaction = plan_reaction(self._spec, conflict, trace, self._schedules[actor].crossing)
         except HeldUpActorError as error:
-            blockers = set(find_blockers(self._spec, trace, actor)) & _list_background_ids(demand)
+            blockers = demand.select_background(find_blockers(self._spec, trace, actor))
             if self._wait_for_ego(recording):
                 return True
             if not blockers:
@@ -246,12 +246,12 @@ class _DryRuns:
             self.reason = str(error)
             self._redraw(blockers)
             return True
-        hiding = reaction.hidden_by & _list_background_ids(demand)
+        hiding = demand.select_background(reaction.hidden_by)
         if hiding:
             self.reason = (
                 "a background actor hides a staged one from the ego; take other seeds.traffic"
             )
-            self._redraw(set(hiding))
+            self._redraw(hiding)
         else:
             self._reactions[conflict.id] = reaction
         return True
@@ -323,15 +323,11 @@ def _find_disturbing_actors(spec: Spec, trace: Trace, demand: TrafficDemand) -> 
     if not missed:
         return set()
     blockers = {number for actor in missed for number in find_blockers(spec, trace, actor)}
-    return _find_background_blockers(spec, demand, trace) or blockers & _list_background_ids(demand)
+    return _find_background_blockers(spec, demand, trace) or demand.select_background(blockers)
 
 
 def _find_background_blockers(spec: Spec, demand: TrafficDemand, trace: Trace) -> set[int]:
-    return set(find_blockers(spec, trace, spec.ego.number)) & _list_background_ids(demand)
-
-
-def _list_background_ids(demand: TrafficDemand) -> set[int]:
-    return {trip.actor.id for trip in (*demand.vehicles, *demand.walkers)}
+    return demand.select_background(find_blockers(spec, trace, spec.ego.number))
 
 
 def _build_trip_path(trip: VehicleTrip, graph: LaneGraph) -> StationedPolyline:

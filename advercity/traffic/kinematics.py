@@ -1,14 +1,15 @@
 """Turn SUMO's front bumpers into the poses of bodies, and a whole recording into a trace.
 
-A vehicle's body follows its front axle like a trailer. What an actor does is one smooth motion, of
-which position, velocity, acceleration and turning are values and exact derivatives.
+A vehicle's body follows its front axle like a trailer, and a semi-trailer its tractor unit. What an
+actor does is one smooth motion, of which position, velocity, acceleration and turning are values
+and exact derivatives.
 Positions in the plan are complex numbers here, east + i north: a heading is then an argument, and
 one function smooths positions and plain numbers alike.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import shapely
@@ -23,6 +24,7 @@ from advercity.roads.road_meshes import KERB_HEIGHT_M
 from advercity.roads.road_network import build_road
 from advercity.traffic.demand import TrafficDemand
 from advercity.traffic.motion_spline import EASING_TICKS, HeightProfile, MotionSpline, Values
+from advercity.traffic.semitrailers import TowedTrailer
 
 KerbHeight = Callable[[NDArray[np.complex128]], NDArray[np.float64]]
 """Returns heights (n,) in m at points (n,), east + i north."""
@@ -84,6 +86,73 @@ class BodyCurves:
     pitch: NDArray[np.float64]
 
 
+@dataclass(frozen=True, eq=False)
+class _PulledBody:
+    """A body that is pulled at a point, while its axle behind that rolls and never slides.
+
+    Its direction u turns at the rate r with u' = i r u, where r is the part of the velocity across
+    u at the point, over the wheelbase.
+
+    Attributes:
+        pull: (3, n) place of the point in the plan, velocity and acceleration.
+        directions: (n,) unit vectors ahead.
+        pull_z: (3, n) height of the ground under the point, with derivatives.
+        axle_z: (3, n) the same under the axle.
+        wheelbase_m: Distance of the axle behind the point.
+    """
+
+    pull: NDArray[np.complex128]
+    directions: NDArray[np.complex128]
+    pull_z: NDArray[np.float64]
+    axle_z: NDArray[np.float64]
+    wheelbase_m: float
+
+    @cached_property
+    def turning(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Rates (n,) and angular accelerations (n,) of the direction."""
+        _, velocity, acceleration = self.pull
+        rates = _across(self.directions, velocity) / self.wheelbase_m
+        along = rates * _along(self.directions, velocity)
+        return rates, (_across(self.directions, acceleration) - along) / self.wheelbase_m
+
+    def locate_behind(self, back_m: float) -> NDArray[np.complex128]:
+        """Compute the motion (3, n) in the plan of a point behind the one that is pulled."""
+        (rates, turns), arm = self.turning, back_m * self.directions
+        return self.pull - np.stack([arm, 1j * rates * arm, (1j * turns - rates**2) * arm])
+
+    def find_height_behind(self, back_m: float) -> NDArray[np.float64]:
+        """Compute the motion (3, n) of the ground's height there."""
+        part = back_m / self.wheelbase_m
+        return (1 - part) * self.pull_z + part * self.axle_z
+
+    def compute_arm(self, ahead_m: float) -> NDArray[np.complex128]:
+        """Compute (3, n) in the plan the arm to a point ahead on the body, shorter on a slope."""
+        rates, turns = self.turning
+        climb, climb_rate, climb_turn = self._climb
+        level = 1 / np.sqrt(1 + climb**2)
+        level_rate = -climb * climb_rate * level**3
+        level_turn = (3 * (climb * climb_rate * level) ** 2 - climb_rate**2) * level**3
+        level_turn -= climb * climb_turn * level**3
+        radial, across = level_turn - level * rates**2, 2 * level_rate * rates + level * turns
+        changes = [level, level_rate + 1j * rates * level, radial + 1j * across]
+        return ahead_m * self.directions * np.stack(changes)
+
+    @property
+    def _climb(self) -> NDArray[np.float64]:
+        """Slope (3, n) of the body, with derivatives."""
+        return (self.pull_z - self.axle_z) / self.wheelbase_m
+
+    def compute_motion(self, plan: NDArray[np.complex128], back_m: float) -> BodyCurves:
+        """Compute the motion of the body from that of its origin (3, n), which is there."""
+        climb, climb_rate, _ = self._climb
+        return BodyCurves(
+            plan=plan,
+            height=self.find_height_behind(back_m),
+            yaw=np.stack([np.unwrap(np.angle(self.directions)), self.turning[0]]),
+            pitch=-np.stack([np.arctan(climb), climb_rate / (1 + climb**2)]),
+        )
+
+
 def compute_vehicle_states(
     track: NDArray[np.void],
     length_m: float,
@@ -105,12 +174,69 @@ def compute_vehicle_states(
     Returns:
         (n,) of `STATE_DTYPE`, with `actor` left at 0.
     """
-    wheelbase = WHEELBASE_FRACTION * length_m
-    axle, front_z, rear_z = _locate_axles(track, length_m, tick_s)
-    directions = _compute_tractrix_directions(axle, wheelbase, np.exp(1j * track["yaw"][0]))
-    motion = _compute_body_motion(axle, front_z, rear_z, directions, wheelbase)
+    body, _ = _pull_vehicle(track, length_m, tick_s)
+    return _build_vehicle_states(track, body)
+
+
+def compute_lorry_states(
+    track: NDArray[np.void],
+    length_m: float,
+    trailer: TowedTrailer,
+    *,
+    tick_s: float,
+    trailer_heading_rad: float,
+) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Compute the states of a tractor unit and its semi-trailer from the fronts of the lorry.
+
+    The tractor unit moves as other vehicles do. At its fifth wheel it pulls the kingpin of the
+    semi-trailer, whose axles roll and never slide (a tractrix): its yaw changes at v/L sin(b) with
+    the speed v of the kingpin, the wheelbase L and the angle b from the semi-trailer to that speed.
+    The lamps of both are the same.
+
+    Args:
+        track: (n,) of `FRONT_DTYPE`; of yaw and slope only the first row counts.
+        length_m: Length of the tractor unit.
+        trailer: The semi-trailer.
+        tick_s: Length of a tick.
+        trailer_heading_rad: Heading of the semi-trailer at the first tick.
+
+    Returns:
+        (n,) and (n,) of `STATE_DTYPE`, with `actor` left at 0.
+    """
+    tractor, axles_z = _pull_vehicle(track, length_m, tick_s, trailer)
+    overhang_m, wheelbase_m = _measure_axles(length_m)
+    coupling = tractor.compute_arm(length_m / 2 - trailer.fifth_wheel_m)
+    pull = tractor.locate_behind(wheelbase_m / 2) + coupling
+    _, velocity, acceleration = pull
+    # The cubic that has the velocities and accelerations of both ticks.
+    middles = (velocity[:-1] + velocity[1:]) / 2 - tick_s / 8 * np.diff(acceleration)
+    towed = _PulledBody(
+        pull=pull,
+        directions=_compute_tractrix_directions(
+            velocity, middles, tick_s, trailer.wheelbase_m, np.exp(1j * trailer_heading_rad)
+        ),
+        pull_z=tractor.find_height_behind(trailer.fifth_wheel_m - overhang_m),
+        axle_z=axles_z,
+        wheelbase_m=trailer.wheelbase_m,
+    )
+    kingpin_m = trailer.actor.size[0] / 2 - trailer.kingpin_m
+    motion = towed.compute_motion(pull - towed.compute_arm(kingpin_m), kingpin_m)
+    states = _build_vehicle_states(track, tractor)
+    return states, build_states(track["tick"], states["lamps"], motion)
+
+
+def _measure_axles(length_m: float) -> tuple[float, float]:
+    """Measure how far a vehicle's front axle is behind its front, and its rear axle behind that."""
+    wheelbase_m = WHEELBASE_FRACTION * length_m
+    return (length_m - wheelbase_m) / 2, wheelbase_m
+
+
+def _build_vehicle_states(track: NDArray[np.void], body: _PulledBody) -> NDArray[np.void]:
+    """Build the states of a vehicle, whose origin is between its axles."""
+    middle_m = body.wheelbase_m / 2
+    motion = body.compute_motion(body.locate_behind(middle_m), middle_m)
     states = build_states(track["tick"], track["lamps"], motion)
-    states["steering"] = compute_steering(axle.rates, directions)
+    states["steering"] = compute_steering(body.pull[1], body.directions)
     apply_brake_lamps(states)
     return states
 
@@ -122,58 +248,46 @@ def apply_brake_lamps(states: NDArray[np.void]) -> None:
     states["lamps"] |= np.where(braking, Lamp.BRAKE, 0).astype(np.uint8)
 
 
-def _locate_axles(
-    track: NDArray[np.void], length_m: float, tick_s: float
-) -> tuple[MotionSpline, NDArray[np.float64], NDArray[np.float64]]:
-    """Compute the place of the front axle in the plan, and the motion (3, n) of both heights."""
+def _pull_vehicle(
+    track: NDArray[np.void], length_m: float, tick_s: float, trailer: TowedTrailer | None = None
+) -> tuple[_PulledBody, NDArray[np.float64]]:
+    """Pull a vehicle at its front axle along the path of its front.
+
+    Returns:
+        The vehicle; and (3, n) the height under the semi-trailer's axles, else its rear axle.
+    """
     fronts = _follow_targets(
         track["x"] + 1j * track["y"], CATCH_UP_FACTOR * track["speed"] * tick_s
     )
     along = np.cumsum(np.abs(np.diff(fronts, prepend=fronts[0])))
-    wheelbase = WHEELBASE_FRACTION * length_m
-    overhang = (length_m - wheelbase) / 2
+    overhang, wheelbase = _measure_axles(length_m)
     ahead = np.exp(1j * track["yaw"][0])
     first_m = track["speed"][0] * tick_s
     gains = _find_emergency_gains(track["speed"], tick_s)
     smooth = partial(_smooth_driving, tick_s=tick_s, gains=gains)
-    axle = _interpolate_behind(fronts, along, overhang, fronts[0] - overhang * ahead)
+    place = _interpolate_behind(fronts, along, overhang, fronts[0] - overhang * ahead)
     profile = HeightProfile.from_samples(
         along,
         track["z"],
-        first_m=-2 * length_m,
+        first_m=-2 * (trailer.lorry_length_m if trailer else length_m),
         first_grade=float(np.tan(track["slope"][0])),
     )
-    front_z, rear_z = (
-        profile.compute_derivatives(smooth(along - back, first_step=first_m))
-        for back in (overhang, overhang + wheelbase)
+
+    def find_height(back_m: float) -> NDArray[np.float64]:
+        return profile.compute_derivatives(smooth(along - back_m, first_step=first_m))
+
+    axle = smooth(place, first_step=first_m * ahead)
+    rear_z = find_height(overhang + wheelbase)
+    body = _PulledBody(
+        pull=axle.derivatives,
+        directions=_compute_tractrix_directions(
+            axle.rates, axle.middle_rates, tick_s, wheelbase, ahead
+        ),
+        pull_z=find_height(overhang),
+        axle_z=rear_z,
+        wheelbase_m=wheelbase,
     )
-    return smooth(axle, first_step=first_m * ahead), front_z, rear_z
-
-
-def _compute_body_motion(
-    axle: MotionSpline,
-    front_z: NDArray[np.float64],
-    rear_z: NDArray[np.float64],
-    directions: NDArray[np.complex128],
-    wheelbase_m: float,
-) -> BodyCurves:
-    """Compute the motion of a body in the middle between its axles.
-
-    A direction u turns at the rate r with u' = i r u, where r is the part of the front axle's
-    velocity across u over the wheelbase.
-    """
-    rates = _across(directions, axle.rates) / wheelbase_m
-    turns = (
-        _across(directions, axle.accelerations) - rates * _along(directions, axle.rates)
-    ) / wheelbase_m
-    half = wheelbase_m / 2 * directions
-    climb, climb_rate, _ = (front_z - rear_z) / wheelbase_m
-    return BodyCurves(
-        plan=axle.derivatives - np.stack([half, 1j * rates * half, (1j * turns - rates**2) * half]),
-        height=(front_z + rear_z) / 2,
-        yaw=np.stack([np.unwrap(np.angle(directions)), rates]),
-        pitch=-np.stack([np.arctan(climb), climb_rate / (1 + climb**2)]),
-    )
+    return body, find_height(trailer.axles_behind_front_m) if trailer else rear_z
 
 
 def compute_walker_states(
@@ -326,19 +440,24 @@ def _across(
 
 
 def _compute_tractrix_directions(
-    axle: MotionSpline, wheelbase_m: float, first: complex
+    velocities: NDArray[np.complex128],
+    middles: NDArray[np.complex128],
+    tick_s: float,
+    wheelbase_m: float,
+    first: complex,
 ) -> NDArray[np.complex128]:
-    """Compute the directions (n,) of a body whose front axle pulls the rear one (a tractrix).
+    """Compute the directions (n,) of a body that is pulled, with an axle behind (a tractrix).
 
+    Velocities are those of the pulled point at ticks (n,) and in the middle between them (n - 1,).
     Each tick is a step of Runge and Kutta's method of the fourth order.
     """
 
     def turn(direction: complex, velocity: complex) -> complex:
         return 1j * direction * (direction.conjugate() * velocity).imag / wheelbase_m
 
-    direction, directions, step = complex(first), [complex(first)], axle.tick_s
-    rates = axle.rates.tolist()
-    for begin, middle, end in zip(rates, axle.middle_rates.tolist(), rates[1:], strict=False):
+    direction, directions, step = complex(first), [complex(first)], tick_s
+    rates = velocities.tolist()
+    for begin, middle, end in zip(rates, middles.tolist(), rates[1:], strict=False):
         one = turn(direction, begin)
         two = turn(direction + step / 2 * one, middle)
         three = turn(direction + step / 2 * two, middle)
@@ -468,6 +587,7 @@ def _compute_bodies(
     """Add the bodies that a recording lacks: traces of several first ticks have the same."""
     kerb_height = build_kerb_height(spec.road)
     speeds = {trip.actor.id: trip.speed_m_s for trip in demand.walkers}
+    lorries = {trip.actor.id: trip for trip in demand.vehicles if trip.trailer}
     for number in recording.tracks.keys() - recording.bodies.keys():
         track, actor = recording.tracks[number], actors[number]
         if actor.actor_class == "pedestrian":
@@ -482,6 +602,14 @@ def _compute_bodies(
                 smoothing_ticks=(
                     WALKING_SMOOTHING_TICKS if number in speeds else STAGED_WALKING_SMOOTHING_TICKS
                 ),
+            )
+        elif number in lorries and (trailer := lorries[number].trailer):
+            rows, recording.bodies[trailer.actor.id] = compute_lorry_states(
+                track,
+                actor.size[0],
+                trailer,
+                tick_s=spec.timing.tick_s,
+                trailer_heading_rad=lorries[number].trailer_heading_rad,
             )
         else:
             rows = compute_vehicle_states(track, actor.size[0], tick_s=spec.timing.tick_s)

@@ -11,6 +11,7 @@ from advercity.randomness import create_generator
 from advercity.roads.capacity import WALKER_SPACING_M
 from advercity.roads.lane_graph import LaneGraph
 from advercity.roads.network_file import SumoLane
+from advercity.traffic.blueprint_fractions import draw_by_fraction
 from advercity.traffic.paints import draw_paint
 from advercity.traffic.placement import (
     compute_start_areas,
@@ -92,7 +93,7 @@ def _draw_trip(
     # Who has no fraction is drawn first and for everyone, so that fractions move nobody else.
     usual = [name for name, item in people.items() if item.fraction is None] or list(people)
     name = usual[draw.integers(len(usual))]
-    name = _draw_by_fraction(spec.seeds.traffic, number, people) or name
+    name = draw_by_fraction(people, spec.seeds.traffic, "walker fraction", number) or name
     paint = draw_paint("pedestrian", spec.seeds.traffic, number)
     crosses = bool(draw.random() < spec.demand.crossing_share)
     speed = float(draw.uniform(MIN_WALKING_SPEED_M_S, MAX_WALKING_SPEED_M_S))
@@ -104,16 +105,6 @@ def _draw_trip(
         legs=tuple(_draw_legs(graph, adjacent[crosses], lane.edge, start_m, distance, draw)),
         speed_m_s=speed,
     )
-
-
-def _draw_by_fraction(seed: int, number: int, people: Mapping[str, Blueprint]) -> str | None:
-    """Draw a blueprint by its fraction; None for who is of one without."""
-    level = create_generator(seed, "walker fraction", number).random()
-    for name, blueprint in people.items():
-        level -= blueprint.fraction or 0.0
-        if level < 0.0:
-            return name
-    return None
 
 
 def _draw_legs(

@@ -116,7 +116,7 @@ def compute_limits(trip: VehicleTrip, driving: CarFollowing) -> CarFollowing:
 
 
 def _add_vehicle_type(root: Element, trip: VehicleTrip, driving: CarFollowing) -> None:
-    length, width, height = trip.actor.size
+    _, width, height = trip.actor.size
     limits = compute_limits(trip, driving)
     factor = UNLIMITED_SPEED_FACTOR if trip.speed_factor is None else trip.speed_factor
     _add_element(
@@ -124,7 +124,7 @@ def _add_vehicle_type(root: Element, trip: VehicleTrip, driving: CarFollowing) -
         "vType",
         id=trip.actor.id,
         vClass=driving.sumo_class,
-        length=length,
+        length=trip.length_m,
         width=width,
         height=height,
         accel=limits.acceleration_m_s2,

@@ -152,7 +152,7 @@ def test_hands_that_push_hold_no_umbrella():
 
 def test_fractions_are_of_pedestrians_and_add_up_to_1_or_less():
     car = CATALOGUE.blueprints["lincoln_mkz_2017"].model_dump()
-    with pytest.raises(ValidationError, match="for pedestrians, not for a car"):
+    with pytest.raises(ValidationError, match="for pedestrians and trucks, not for a car"):
         Blueprint.model_validate(car | {"fraction": 0.1})
     dog = CATALOGUE.blueprints["pedestrian_with_dog"].model_copy(update={"fraction": 0.6})
     twice = {"one": dog.model_dump(), "other": dog.model_dump()}

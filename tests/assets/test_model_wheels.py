@@ -59,12 +59,18 @@ def test_steered_wheels_turn_left_about_their_own_centres():
 
 @every_vehicle
 def test_a_vehicle_rests_on_wheels_and_the_front_ones_steer(name: str):
-    whole, kind = WHEELED[name], CATALOGUE.blueprints[name].actor_class
+    whole, blueprint = WHEELED[name], CATALOGUE.blueprints[name]
     wheels = sorted(wheels_of(whole))
     steering = [wheel for wheel in wheels if wheel.is_steered]
-    if kind == "motorcycle":
+    if blueprint.actor_class == "motorcycle":
         assert len(wheels) == 2
         assert not steering
+    elif blueprint.semitrailer:
+        middles = sorted({round(wheel.hub[0], 2) for wheel in wheels})
+        # Three axles, 1.31 m apart, with their middle 9.3 m behind the front.
+        assert middles == pytest.approx([-3.81, -2.5, -1.19], abs=0.02)
+        assert not steering
+        return
     else:
         left, right = sorted(steering, key=lambda wheel: -wheel.hub[1])
         assert left.hub[0] == pytest.approx(right.hub[0])

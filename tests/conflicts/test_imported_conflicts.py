@@ -211,7 +211,7 @@ def test_a_left_turn_whose_speed_was_drawn_again_happens(
     gap, wanted_s = outcome.met.post_encroachment_s, spec.conflicts[0].parameters
     assert gap is not None
     # SUMO's driver sets out some tenths of a second after it may.
-    assert 0 <= gap.value - wanted_s["post_encroachment_s"] < 0.5
+    assert 0 <= gap.value - wanted_s["post_encroachment_s"] < 0.6
 
 
 @pytest.mark.parametrize(

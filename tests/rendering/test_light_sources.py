@@ -150,7 +150,7 @@ def test_a_front_fog_lamp_is_cut_off_and_as_wide_as_its_regulation_asks(
     "name", [n for n, made in CATALOGUE.blueprints.items() if made.actor_class in MOTOR]
 )
 def test_every_motor_vehicle_has_an_indicator_at_each_corner(name: str):
-    made = ShippedBodies()[name]
+    made, blueprint = ShippedBodies()[name], CATALOGUE.blueprints[name]
     found = {
         part.material: part.vertices[np.unique(part.triangles)]
         for part in made.parts
@@ -158,9 +158,10 @@ def test_every_motor_vehicle_has_an_indicator_at_each_corner(name: str):
     }
     assert set(found) == {"lamp_amber_left", "lamp_amber_right"}
     assert found["lamp_amber_left"][:, 1].min() > 0 > found["lamp_amber_right"][:, 1].max()
+    # A lorry has those in front on its tractor unit, those behind on its semi-trailer.
     for points in found.values():
-        assert points[:, 0].max() > 0.2 * made.size[0]
-        assert points[:, 0].min() < -0.2 * made.size[0]
+        assert (points[:, 0].max() > 0.2 * made.size[0]) == (blueprint.semitrailer is None)
+        assert (points[:, 0].min() < -0.2 * made.size[0]) == (blueprint.tows is None)
         assert (np.abs(points) <= np.array(made.size) * (0.5, 0.5, 1) + 0.03).all()
 
 
@@ -209,3 +210,24 @@ def test_a_head_without_a_yellow_lens_shows_nothing_for_yellow():
     world = replace(EMPTY, signal_lamps=(lamp,))
 
     assert list_light_sources(world, Frame(0, 0.0, (), {"j/a": Signal.YELLOW})) == []
+
+
+def test_a_lorry_has_headlamps_on_its_tractor_unit_and_rear_lamps_on_its_semitrailer():
+    tractor = Actor(1001, "truck", "lorry_tractor", "car_paint_red", (6.1, 2.83, 3.8))
+    trailer = Actor(101_001, "truck", "trailer", "car_paint_blue", (13.6, 2.55, 4.0), 1001)
+    lamps = Lamp.LOW_BEAM | Lamp.BRAKE | Lamp.LEFT | Lamp.FOG
+    states = [
+        ActorState(actor, poses.pose_matrix((x, 0.0, 0.0)), 5.0, 0.0, lamps)
+        for actor, x in ((tractor, 0.0), (trailer, -6.65))
+    ]
+
+    found = list_light_sources(EMPTY, Frame(0, 0.0, tuple(states), {}))
+
+    ahead = [lamp for lamp in found if lamp.facing[0] > 0.9]
+    behind = [lamp for lamp in found if lamp.facing[0] < -0.9]
+    # Two low beams, fog lamps and an indicator ahead; two red lamps and an indicator behind.
+    assert (len(ahead), len(behind), len(found)) == (4, 3, 7)
+    assert {round(lamp.position[0], 2) for lamp in ahead} == {3.15}
+    assert {round(lamp.position[0], 2) for lamp in behind} == {-13.55}
+    # The semi-trailer behind it hides no beam.
+    assert all(lamp.unobstructed_m == np.inf for lamp in ahead if lamp.intensity_cd > 1e3)

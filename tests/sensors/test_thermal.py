@@ -165,3 +165,12 @@ def test_snow_hides_the_warmth_of_the_ground() -> None:
     cooled = -3 - 0.95 * conditions.air.longwave_loss_w_m2 / conditions.transfer_w_m2_k
     assert snowy == pytest.approx(cooled, abs=0.1)
     assert bare > cooled + 1
+
+
+def test_a_semitrailer_has_no_engine() -> None:
+    """Seen from behind it, the exhaust of a car is warm, and a semi-trailer's rear is not."""
+    car = make_actor_state(1, 9.0)
+    towed = replace(car, actor=replace(car.actor, towed_by=7))
+    car_c, towed_c = (look(NIGHT, frame=make_frame(state))[0] for state in (car, towed))
+    assert (car_c - towed_c).max() > 5
+    assert (towed_c - car_c).max() < 1

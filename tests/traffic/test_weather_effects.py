@@ -223,3 +223,31 @@ def test_high_beams_are_for_clear_nights_on_unlit_roads(
     sun = {"elevation_deg": 30 if values["time"] == "day" else -30}
     weather = Weather.model_validate({"id": "tried", "sun": sun, **values})
     assert may_use_high_beams(weather, land_use) == expected
+
+
+def lorry(lamps: Lamp, *, time_s: float = 0.0) -> Frame:
+    """A tractor unit that heads north, and its semi-trailer behind it."""
+    pairs = (
+        (Actor(1001, "truck", "lorry_tractor", "car_paint_red", (6.1, 2.83, 3.8)), 0.0),
+        (Actor(101_001, "truck", "trailer", "car_paint_blue", (13.6, 2.55, 4.0), 1001), -6.65),
+    )
+    states = (
+        ActorState(actor, poses.pose_matrix((0.0, y, 0.0), yaw=np.pi / 2), 20.0, 0.0, lamps)
+        for actor, y in pairs
+    )
+    return Frame(0, time_s, tuple(states), {})
+
+
+def test_a_semitrailer_blinks_with_its_tractor_unit():
+    for time_s in np.arange(0.0, 2.0, 0.05).tolist():
+        shown = apply_lamp_state(lorry(Lamp.RIGHT, time_s=time_s), Lamps(low_beam=True, fog=True))
+        tractor, trailer = shown.states
+        assert tractor.lamps == trailer.lamps
+
+
+def test_a_semitrailer_has_no_headlamps_and_does_not_dazzle_its_tractor_unit():
+    lit = light_high_beams(lorry(Lamp.LOW_BEAM), 1.0, seed=1)
+
+    assert [Lamp.HIGH_BEAM in state.lamps for state in lit.states] == [True, False]
+    fitted = fit_led_headlamps(lorry(Lamp.LOW_BEAM), 1.0, {}, seed=1)
+    assert [state.has_led_headlamps for state in fitted.states] == [True, False]
