@@ -29,6 +29,7 @@ class Boxes:
         lidar_points: (n,) points that it returned in this weather.
         visible_fraction: (n,) largest fraction of it that one of the agent's cameras shows, 0 to 1.
         is_parked: (n,) whether it is a parked car.
+        towed_by: (n,) int64, of a semi-trailer the id of its tractor unit; 0 of all others.
     """
 
     ids: NDArray[np.int64]
@@ -42,6 +43,7 @@ class Boxes:
     lidar_points: NDArray[np.int64]
     visible_fraction: NDArray[np.float64]
     is_parked: NDArray[np.bool_]
+    towed_by: NDArray[np.int64]
 
     def __len__(self) -> int:
         """Return the number of objects."""
@@ -72,6 +74,7 @@ def parse_boxes(objects: dict[Any, dict[str, Any]]) -> Boxes:
         lidar_points=np.array([int(item["lidar_points"]) for item in items], dtype=np.int64),
         visible_fraction=_parse_column(items, "visible_fraction"),
         is_parked=np.array([item.get("parked", False) for item in items], dtype=np.bool_),
+        towed_by=np.array([item.get("towed_by", 0) for item in items], dtype=np.int64),
     )
 
 

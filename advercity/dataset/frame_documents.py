@@ -32,6 +32,7 @@ from advercity.dataset.carla_frame import (
     mirror_xyz,
 )
 from advercity.dataset.weather_truth import WeatherTruth
+from advercity.frames import Actor
 from advercity.geometry import poses
 from advercity.materials import MATERIALS
 from advercity.sensors.annotation import Annotation
@@ -228,7 +229,13 @@ def _describe_object(item: Annotation) -> dict[str, Any]:
         "lidar_points": item.lidar_points,
         "visible_fraction": to_plain(item.visible_fraction, decimals=4),
         **({"umbrella": item.state.umbrella} if on_foot else {"parked": item.state.is_parked}),
+        **_describe_towing(actor),
     }
+
+
+def _describe_towing(actor: Actor) -> dict[str, int]:
+    """Describe which actor tows a semi-trailer; nothing of all others."""
+    return {"towed_by": actor.towed_by} if actor.towed_by else {}
 
 
 def _describe_camera(sensor_frame: SensorFrame, camera: int) -> dict[str, Any]:
@@ -354,10 +361,11 @@ def build_object_extras(
     """Build the document `<frame>_objects.json`: what an agent annotates, by id as in its YAML.
 
     `lidar_points` counts the points returned in this weather, `lidar_ghosts` those of its mirror
-    images, `lidar_hits` the beams that would hit in none. `roles` are the object's roles in staged
-    conflicts, by conflict id. `lamps` are the names of `Lamp` that are lit. `cameras` has the
-    cameras whose image the object's outline overlaps. `readouts` is what the values of linear and
-    raw images mean, by cameras that write them.
+    images, `lidar_hits` the beams that would hit in none. `towed_by` of a semi-trailer is its
+    tractor unit. `roles` are the object's roles in staged conflicts, by conflict id. `lamps` are
+    the names of `Lamp` that are lit. `cameras` has the cameras whose image the object's outline
+    overlaps. `readouts` is what the values of linear and raw images mean, by cameras that write
+    them.
     """
     readouts = {
         f"camera{index}": asdict(image.readout)
@@ -380,6 +388,7 @@ def _describe_object_extras(item: Annotation, sensor_frame: SensorFrame) -> dict
     velocity = mirror_xyz(*state.motion.velocity.tolist())
     return {
         "class": state.actor.actor_class,
+        **_describe_towing(state.actor),
         "roles": dict(sensor_frame.conflict_roles.get(state.actor.id, {})),
         "velocity_m_s": to_plain(velocity, decimals=6),
         "acceleration_m_s2": to_plain(state.acceleration_m_s2, decimals=6),

@@ -2,9 +2,9 @@
 
 An object counts once per frame in all tables, however many agents annotate it. Connected vehicles
 are objects where others annotate them, but not traffic. Vehicles and pedestrians of a scenario are
-those that were annotated, not those asked for. Parked cars have a column and classes of their own,
-and are in no other table. Bearings are directions from the ego to an object, not headings of the
-object.
+those that were annotated, not those asked for; of a lorry, tractor unit and semi-trailer count.
+Parked cars have a column and classes of their own, and are in no other table. Bearings are
+directions from the ego to an object, not headings of the object.
 """
 
 import csv

@@ -44,6 +44,8 @@ TYPES = {
     "motorcycle": "Misc",
 }
 """KITTI's types by class; it has none for motorcycles."""
+TRAILER = "Misc"
+"""KITTI's type of what it has no other for; its authors name trailers as an example."""
 PARTLY_OCCLUDED, LARGELY_OCCLUDED = 0.25, 0.6
 """Hidden fractions of an outline from which an object counts as such. KITTI gives no numbers."""
 SPLIT_LISTS = {"train": "train", "validate": "val", "test": "test"}
@@ -176,8 +178,9 @@ def _format_label(
     alpha = math.remainder(angle - math.atan2(x, z), math.tau)
     in_image = " ".join(f"{edge:.2f}" for edge in shown["outline_box"])
     in_space = " ".join(f"{value:.6f}" for value in (height, width, length, x, y, z, angle))
+    kind = TRAILER if boxes.towed_by[row] else TYPES[boxes.classes[row]]
     return (
-        f"{TYPES[boxes.classes[row]]} {shown['truncation']:.4f} {_grade_occlusion(shown)}"
+        f"{kind} {shown['truncation']:.4f} {_grade_occlusion(shown)}"
         f" {alpha:.6f} {in_image} {in_space}"
     )
 

@@ -47,6 +47,7 @@ CATEGORIES = {
     "pedestrian": "human.pedestrian.adult",
 }
 """Categories by class; a van is a car there."""
+TRAILER = "vehicle.trailer"
 VISIBILITY_LEVELS = ("v0-40", "v40-60", "v60-80", "v80-100")
 MOVING_FROM_M_S = 0.2
 METRES_PER_PX = 0.1
@@ -131,7 +132,7 @@ def write_tables(
 
 
 def _write_kinds(tables: Mapping[str, JsonList]) -> None:
-    for name in dict.fromkeys(CATEGORIES.values()):
+    for name in dict.fromkeys((*CATEGORIES.values(), TRAILER)):
         row = {"token": make_token("category", name), "name": name, "description": ""}
         tables["category"].append(row)
     for name in ATTRIBUTES:
@@ -319,7 +320,7 @@ class _SceneWriter:
             self._last_annotation[number] = {
                 "token": token,
                 "sample_token": self._scene.make_sample_token(frame.index),
-                "instance_token": self._note_instance(number, str(boxes.classes[row]), token),
+                "instance_token": self._note_instance(boxes, row, token),
                 "visibility_token": str(_grade_visibility(boxes.visible_fraction[row])),
                 "attribute_tokens": [make_token("attribute", _name_attribute(boxes, row))],
                 **self._describe_pose(boxes.world_from_box[row]),
@@ -332,15 +333,17 @@ class _SceneWriter:
                 "visible_fraction": float(boxes.visible_fraction[row]),
             }
 
-    def _note_instance(self, number: int, actor_class: str, annotation: str) -> str:
+    def _note_instance(self, boxes: Boxes, row: int, annotation: str) -> str:
         """Count an annotation of an object, and return the token of the object."""
-        scene = self._scene
+        scene, number, actor_class = self._scene, int(boxes.ids[row]), str(boxes.classes[row])
+        towed_by = int(boxes.towed_by[row])
+        category = TRAILER if towed_by else CATEGORIES[actor_class]
         token = make_token("instance", scene.name, number)
-        row = self._instances.setdefault(
+        instance = self._instances.setdefault(
             number,
             {
                 "token": token,
-                "category_token": make_token("category", CATEGORIES[actor_class]),
+                "category_token": make_token("category", category),
                 "nbr_annotations": 0,
                 "first_annotation_token": annotation,
                 "last_annotation_token": annotation,
@@ -348,10 +351,11 @@ class _SceneWriter:
                 "object_token": make_token("object", scene.scenario.path.name, number),
                 "object_id": number,
                 "class": actor_class,
+                **({"towed_by": towed_by} if towed_by else {}),
             },
         )
-        row["nbr_annotations"] += 1
-        row["last_annotation_token"] = annotation
+        instance["nbr_annotations"] += 1
+        instance["last_annotation_token"] = annotation
         return token
 
 

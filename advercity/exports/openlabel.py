@@ -113,6 +113,8 @@ def _describe_objects(frame: FrameView) -> dict[str, tuple[str, dict[str, Any]]]
             speed = {"name": "speed_m_s", "val": round(float(boxes.speeds_m_s[row]), DECIMALS)}
             parked = {"name": "is_parked", "val": bool(boxes.is_parked[row])}
             data: dict[str, Any] = {"cuboid": [cuboid], "num": [speed], "boolean": [parked]}
+            if boxes.towed_by[row]:
+                data["num"].append({"name": "towed_by", "val": int(boxes.towed_by[row])})
             _, data = found.setdefault(str(number), (str(boxes.classes[row]), data))
             points = {"name": f"{name}/lidar_points", "val": int(boxes.lidar_points[row])}
             data["num"].append(points)

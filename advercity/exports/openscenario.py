@@ -11,12 +11,12 @@ and must be that of the dataset.
 
 import datetime
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from advercity_dsl import Spec, Vehicle, Weather
+from advercity_dsl import Blueprint, Spec, Vehicle, Weather
 from numpy.typing import NDArray
 
 from advercity.dataset.reader import Dataset, Scenario
@@ -42,6 +42,7 @@ CATEGORIES = {
     "bicycle": "bicycle",
     "motorcycle": "motorbike",
 }
+TRAILER_CATEGORY = "semitrailer"
 LAMPS = {Signal.RED: "on;off;off", Signal.YELLOW: "off;on;off", Signal.GREEN: "off;off;on"}
 """States of the lamps of a light, red first."""
 OKTAS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight")
@@ -137,18 +138,21 @@ class _ScenarioWriter:
     def _build_entity(self, actor: Actor) -> Any:
         xosc = self._xosc
         length, width, height = actor.size
-        box = xosc.BoundingBox(width, length, height, get_rear_offset_m(actor), 0.0, height / 2)
+        behind_m, wheelbase_m = measure_reference(actor, self._spec.blueprints)
+        box = xosc.BoundingBox(width, length, height, behind_m, 0.0, height / 2)
         if actor.actor_class == "pedestrian":
             category = xosc.PedestrianCategory.pedestrian
             entity = xosc.Pedestrian(actor.blueprint, PEDESTRIAN_MASS_KG, category, box)
         else:
-            category = getattr(xosc.VehicleCategory, CATEGORIES[actor.actor_class])
+            name = TRAILER_CATEGORY if actor.towed_by else CATEGORIES[actor.actor_class]
+            category = getattr(xosc.VehicleCategory, name)
+            steering_rad = 0.0 if actor.towed_by else MAX_STEERING_RAD
             wheel = WHEEL_DIAMETER_M
             entity = xosc.Vehicle(
                 actor.blueprint,
                 category,
                 box,
-                xosc.Axle(MAX_STEERING_RAD, wheel, width, 2 * get_rear_offset_m(actor), wheel / 2),
+                xosc.Axle(steering_rad, wheel, width, wheelbase_m, wheel / 2),
                 xosc.Axle(0.0, wheel, width, 0.0, wheel / 2),
                 MAX_SPEED_M_S,
                 MAX_ACCELERATION_M_S2,
@@ -156,6 +160,8 @@ class _ScenarioWriter:
             )
         entity.add_property("actor", str(actor.id))
         entity.add_property("paint", actor.paint)
+        if actor.towed_by:
+            entity.add_property("towed_by", str(actor.towed_by))
         if actor.id in self._agents:
             entity.add_property("agent", self._agents[actor.id].id)
         return entity
@@ -166,7 +172,10 @@ class _ScenarioWriter:
         _, track = self._trace.get_track(actor.id)
         tick_s = self._trace.tick_s
         times = [round(tick * tick_s, 6) for tick in track["tick"].tolist()]
-        places = [xosc.WorldPosition(*place) for place in list_reference_points(actor, track)]
+        places = [
+            xosc.WorldPosition(*place)
+            for place in list_reference_points(actor, track, self._spec.blueprints)
+        ]
         begins_s, ends_s = times[0], times[-1]
         maneuver = xosc.Maneuver(f"{name}_motion")
         if begins_s == 0.0:
@@ -281,14 +290,24 @@ def grade_wetness(weather: Weather) -> str:
     return "moist" if weather.surface.wetness > 0 else "dry"
 
 
-def get_rear_offset_m(actor: Actor) -> float:
-    """Return how far the middle of an actor is ahead of its reference point."""
-    return 0.0 if actor.actor_class == "pedestrian" else WHEELBASE_FRACTION * actor.size[0] / 2
+def measure_reference(actor: Actor, blueprints: Mapping[str, Blueprint]) -> tuple[float, float]:
+    """Measure how far the middle of an actor is ahead of its reference point, and its wheelbase.
+
+    That of a semi-trailer is from its kingpin to the middle of its axles.
+    """
+    if actor.actor_class == "pedestrian":
+        return 0.0, 0.0
+    running = blueprints[actor.blueprint].semitrailer if actor.towed_by else None
+    if running:
+        return running.kingpin_m + running.wheelbase_m - actor.size[0] / 2, running.wheelbase_m
+    return WHEELBASE_FRACTION * actor.size[0] / 2, WHEELBASE_FRACTION * actor.size[0]
 
 
-def list_reference_points(actor: Actor, track: NDArray[np.void]) -> Iterator[list[float]]:
+def list_reference_points(
+    actor: Actor, track: NDArray[np.void], blueprints: Mapping[str, Blueprint]
+) -> Iterator[list[float]]:
     """List x, y, z, heading, pitch and roll of an actor's reference point, tick by tick."""
-    behind = np.array([-get_rear_offset_m(actor), 0.0, 0.0])
+    behind = np.array([-measure_reference(actor, blueprints)[0], 0.0, 0.0])
     for row in track:
         yaw, pitch = float(row["yaw"]), float(row["pitch"])
         pose = pose_matrix((row["x"], row["y"], row["z"]), yaw=yaw, pitch=pitch)

@@ -41,8 +41,10 @@ VEHICLE_TYPES = {
     "bicycle": "TYPE_BICYCLE",
     "motorcycle": "TYPE_MOTORCYCLE",
 }
+TRACTOR_TYPE, TRAILER_TYPE = "TYPE_SEMITRACTOR", "TYPE_SEMITRAILER"
 WHEELS = {"bicycle": 2, "motorcycle": 2}
 """Numbers of wheels other than four."""
+SEMITRAILER_WHEELS = 6
 COLOURS = {
     Signal.RED: "COLOR_RED",
     Signal.YELLOW: "COLOR_YELLOW",
@@ -114,8 +116,12 @@ class TruthBuilder:
         )
         self._stamp(truth, frame)
         truth.host_vehicle_id.value = self._spec.ego.number
+        trailers = {one.actor.towed_by: one.actor.id for one in frame.states if one.actor.towed_by}
         for state in frame.states:
-            self._fill_object(truth.moving_object.add(), state)
+            item = truth.moving_object.add()
+            self._fill_object(item, state)
+            if state.actor.id in trailers:
+                self._couple(item, trailers[state.actor.id])
         for number, light in enumerate(self._lights):
             for signal in SIGNAL_HEADS[light.governs].lens_heights_m:
                 item = truth.traffic_light.add()
@@ -171,10 +177,19 @@ class TruthBuilder:
         actor = state.actor
         kinds = self._objects.MovingObject.VehicleClassification
         lights = kinds.LightState
-        item.vehicle_classification.type = getattr(kinds, VEHICLE_TYPES[actor.actor_class])
-        attributes, half_m = item.vehicle_attributes, WHEELBASE_FRACTION * actor.size[0] / 2
-        attributes.number_wheels = WHEELS.get(actor.actor_class, 4)
-        attributes.bbcenter_to_front.x, attributes.bbcenter_to_rear.x = half_m, -half_m
+        kind = TRAILER_TYPE if actor.towed_by else VEHICLE_TYPES[actor.actor_class]
+        item.vehicle_classification.type = getattr(kinds, kind)
+        attributes = item.vehicle_attributes
+        running = self._spec.blueprints[actor.blueprint].semitrailer if actor.towed_by else None
+        if running:
+            # A semi-trailer has no axle in front; its kingpin is what is steered.
+            ahead_m = actor.size[0] / 2 - running.kingpin_m
+            behind_m = running.wheelbase_m - ahead_m
+            attributes.number_wheels = SEMITRAILER_WHEELS
+        else:
+            ahead_m = behind_m = WHEELBASE_FRACTION * actor.size[0] / 2
+            attributes.number_wheels = WHEELS.get(actor.actor_class, 4)
+        attributes.bbcenter_to_front.x, attributes.bbcenter_to_rear.x = ahead_m, -behind_m
         attributes.bbcenter_to_front.z = attributes.bbcenter_to_rear.z = -state.box.centre[2]
         shown = item.vehicle_classification.light_state
 
@@ -192,6 +207,13 @@ class TruthBuilder:
         names = {(True, True): "WARNING", (True, False): "LEFT", (False, True): "RIGHT"}
         name = names.get((left, right), "OFF")
         shown.indicator_state = getattr(lights, f"INDICATOR_STATE_{name}")
+
+    def _couple(self, item: Any, trailer: int) -> None:
+        """Say of a tractor unit which semi-trailer it tows."""
+        shown = item.vehicle_classification
+        kinds = self._objects.MovingObject.VehicleClassification
+        shown.type, shown.has_trailer = getattr(kinds, TRACTOR_TYPE), True
+        shown.trailer_id.value = trailer
 
     def _fill_bulb(
         self, item: Any, light: TrafficLight, colour: Signal, shown: Signal | None
