@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -125,25 +126,37 @@ class RenderShapeCache:
         return self._materials[key]
 
 
-def split_into_tiles(mesh: Mesh) -> Iterator[Mesh]:
-    """Cut a mesh along a grid: rays skip small meshes, which halves the time of tracing."""
+def split_into_tiles(mesh: Mesh) -> Iterator[NDArray[np.int32] | None]:
+    """Cut a mesh along a grid: rays skip small meshes, which halves the time of tracing.
+
+    Yields:
+        Rows of the triangles of each tile; None if all are in one.
+    """
     size_m = LEAF_TILE_M if mesh.material in LEAF_MATERIALS else MESH_TILE_M
     middles = mesh.vertices[mesh.triangles].mean(axis=1)[:, :2]
     column, row = np.floor(middles / size_m).astype(np.int64).T
     tile = column * MAX_TILE_ROWS + row
     if len(tile) > 0 and (tile == tile[0]).all():
-        yield mesh
+        yield None
         return
-    order = np.argsort(tile, kind="stable")
-    for part in filter(len, np.split(order, np.flatnonzero(np.diff(tile[order])) + 1)):
-        used, triangles = np.unique(mesh.triangles[part], return_inverse=True)
-        yield replace(
-            mesh,
-            vertices=mesh.vertices[used],
-            triangles=triangles.reshape(-1, 3).astype(np.int32),
-            normals=None if mesh.normals is None else mesh.normals[used],
-            uv=None if mesh.uv is None else mesh.uv[used],
-        )
+    order = np.argsort(tile, kind="stable").astype(np.int32)
+    # Copies, or a tile that is kept would keep the rows of all.
+    parts = np.split(order, np.flatnonzero(np.diff(tile[order])) + 1)
+    yield from (part.copy() for part in parts if len(part))
+
+
+def cut_tile(mesh: Mesh, rows: NDArray[np.int32] | None) -> Mesh:
+    """Cut the triangles of a tile out of a mesh."""
+    if rows is None:
+        return mesh
+    used, triangles = np.unique(mesh.triangles[rows], return_inverse=True)
+    return replace(
+        mesh,
+        vertices=mesh.vertices[used],
+        triangles=triangles.reshape(-1, 3).astype(np.int32),
+        normals=None if mesh.normals is None else mesh.normals[used],
+        uv=None if mesh.uv is None else mesh.uv[used],
+    )
 
 
 def _with_normals(
@@ -207,10 +220,8 @@ class SapienScene:
         self._meshes: dict[BodyShape, dict[Piece, list[Mesh]]] = {}
         lit = int(Lamp.LOW_BEAM) if night else 0
         for number, mesh in enumerate(world.static, start=1):
-            for tile in split_into_tiles(mesh):
-                levels = list_levels(tile) if has_distant_pieces else [(1, ANY_PIXEL)]
-                for keep_one_of, pixel_m in levels:
-                    self._add_level(number, tile, lit, keep_one_of, pixel_m)
+            for rows in split_into_tiles(mesh):
+                self._add_tile(number, mesh, rows, lit)
         self._signals = [(lamp.id, self._add_signal(lamp)) for lamp in world.signal_lamps]
 
     def place_actors(self, frame: Frame) -> None:
@@ -306,21 +317,22 @@ class SapienScene:
         body.entity.set_pose(pose)
         self.culler.move_body(body, pose.p)
 
+    def _add_tile(self, number: int, mesh: Mesh, rows: NDArray[np.int32] | None, lit: int) -> None:
+        """Add a tile of a static mesh; levels of detail are cut out once they are seen."""
+        tile = cut_tile(mesh, rows)
+        low, high = tile.vertices.min(axis=0), tile.vertices.max(axis=0)
+        levels = list_levels(tile) if self._has_distant_pieces else [(1, ANY_PIXEL)]
+        for keep_one_of, pixel_m in levels:
+            if pixel_m == ANY_PIXEL:
+                self.culler.add_body(self._add_static(number, tile, lit), low, high)
+            else:
+                make = partial(self._add_level, number, mesh, rows, lit, keep_one_of)
+                self.culler.add_later(make, low, high, pixel_m=pixel_m)
+
     def _add_level(
-        self, number: int, mesh: Mesh, lit: int, keep_one_of: int, pixel_m: PixelRange
-    ) -> None:
-        """Add a level of detail of a static mesh; those among several are made once seen."""
-        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-        if pixel_m == ANY_PIXEL:
-            body = self._add_static(number, mesh, lit)
-            self.culler.add_body(body, low, high)
-            return
-        self.culler.add_later(
-            lambda: self._add_static(number, thin_out(mesh, keep_one_of), lit),
-            low,
-            high,
-            pixel_m=pixel_m,
-        )
+        self, number: int, mesh: Mesh, rows: NDArray[np.int32] | None, lit: int, keep_one_of: int
+    ) -> RenderBody:
+        return self._add_static(number, thin_out(cut_tile(mesh, rows), keep_one_of), lit)
 
     def _add_static(self, number: int, mesh: Mesh, lit: int) -> RenderBody:
         body = self._add([self._shapes.create_static_shape(mesh)])
