@@ -37,8 +37,11 @@ MAX_RANGE_M = 300.0
 NEGLIGIBLE_FRACTION = 5e-3
 """Fraction of the light that is everywhere which need not be shown."""
 MIN_ILLUMINANCE_LX, MIN_LUMINANCE_CD_M2 = 1e-3, 1e-4
-NEGLIGIBLE_AIRLIGHT_FRACTION = 0.03
-"""Fraction of the airlight which glow need not exceed to be left out."""
+NEGLIGIBLE_SKY_FRACTION = 0.01
+"""Fraction of the sky's mean luminance which glow need not exceed to be left out.
+
+The airlight is no measure: it is what air without end would have, and clear air hides no glow.
+"""
 MAX_SCATTERED_FRACTION = 0.05
 """Light that fog scatters out of a beam, at a point, to what it would have there in clear air."""
 DROPLETS = DropletPhaseLobes.from_diameter_um(DROPLET_UM)
@@ -85,7 +88,7 @@ class LampLists:
         self._extinction = atmosphere.extinction.at_550nm
         faint_lx = NEGLIGIBLE_FRACTION * (atmosphere.street_lx + atmosphere.sky_lx)
         self._faint_lx = max(faint_lx, MIN_ILLUMINANCE_LX)
-        faint_cd_m2 = NEGLIGIBLE_AIRLIGHT_FRACTION * max(atmosphere.horizon_airlight)
+        faint_cd_m2 = NEGLIGIBLE_SKY_FRACTION * atmosphere.sky_lx / np.pi
         self._faint_cd_m2 = max(faint_cd_m2, MIN_LUMINANCE_CD_M2)
         self._range_m = self._compute_ranges()
         self._is_paired = self._find_pairs()

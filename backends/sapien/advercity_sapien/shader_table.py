@@ -23,7 +23,7 @@ KILO = 1e-3
 COLUMNS = 512
 GRID_CELLS, CELL_LAMPS = 48, 65_536
 """Cells along each edge of the ground that has lamps; room for lamps in the lists of all cells."""
-TILES_HIGH, TILES_WIDE, LAMPS_PER_TILE = 18, 32, 16
+TILES_HIGH, TILES_WIDE, LAMPS_PER_TILE = 18, 32, 24
 """Tiles of an image."""
 BEARINGS, LAMPS_PER_BEARING = 64, 32
 """Sectors of the horizon, counterclockwise from -180 degrees."""

@@ -30,6 +30,7 @@ from tests.box_scenes import (
     view_of,
     world_of,
 )
+from tests.lamp_glow import integrate_street_glow
 from tests.render_builders import (
     LUMINANCE,
     build_box,
@@ -220,6 +221,28 @@ def test_a_lamp_in_fog_wears_the_halo_of_its_droplets(opened: Open) -> None:
     # By the path tracer of `benchmarks/night_fog.py`, without a road; light that turns once alone
     # gives 6.0 and 1.1.
     assert rings == pytest.approx([9.56, 1.93], rel=0.1)
+
+
+def test_a_street_lamp_glows_in_clear_air_as_far_as_the_dark_sky_shows_it(opened: Open) -> None:
+    lamp, eye = (0.0, 0.0, 8.0), np.array([-16.0, 0.0, 2.0])
+    # Air without end would be a hundred times as bright as this sky, but there is little of it.
+    sky, airlight = 0.02, (3.0, 2.0, 1.0)
+    air = air_of(mor_m=20_000.0, sky=lambda sine: 0.0 * sine + sky, airlight=airlight, night=True)
+    world = world_of(street_lamps=(StreetLamp(lamp, flux_lm=8000.0),))
+    view = view_of(pose_matrix(tuple(eye)), size=(161, 121))
+    with opened(world, air) as renderer:
+        renderer.place(frame_of())
+        glow = luminance(renderer.render_camera(view)) - sky
+    row, column = (index.ravel() for index in np.mgrid[4:60:8, 4:160:8])
+    rays = np.stack([np.full(row.shape, 80.5), 80.0 - column, 60.0 - row], axis=1)
+    rays /= np.linalg.norm(rays, axis=1)[:, None]
+    extinction = air.extinction.at_550nm
+    expected = integrate_street_glow(lamp, 8000.0 / np.pi, extinction, eye, rays)
+    off_deg = np.degrees(np.arccos(rays @ ([0.0, 0.0, 8.0] - eye) / np.linalg.norm([16.0, 6.0])))
+    near, far = (off_deg > 6.0) & (off_deg < 25.0), off_deg > 25.0
+    found = glow[row, column]
+    assert found[near].mean() == pytest.approx(expected[near].mean(), rel=0.04)
+    assert np.abs(expected - found)[far].max() < 0.01 * sky
 
 
 @pytest.mark.parametrize("shown", list(Signal))

@@ -8,7 +8,7 @@ float airExtinction = 0.0, negligibleRadiance = 0.0;
 // airlight and sky, is negligible.
 void fetchLampAir() {
   airExtinction = extinction();
-  negligibleRadiance = 5e-3 * (horizonAirlight().r + horizonAirlight().g + skyHarmonic(0).g);
+  negligibleRadiance = 2e-3 * (horizonAirlight().r + horizonAirlight().g + skyHarmonic(0).g);
 }
 
 struct Lamp {
