@@ -2,11 +2,11 @@
 
 import hashlib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from advercity_dsl import Model
 from advercity_dsl.base import is_empty
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from advercity import __version__
 from advercity.dataset.manifest import CODE_PACKAGES
@@ -67,6 +67,14 @@ class ExportManifest(Model):
     complete: bool = False
     pieces: dict[str, str] = Field(default_factory=dict[str, str])
     files: dict[ExportPath, ExportRecord] = Field(default_factory=dict[str, ExportRecord])
+
+    @model_validator(mode="after")
+    def _check_pieces(self) -> Self:
+        # A file of an unknown piece would be removed, and not be made again with its own.
+        others = {record.piece for record in self.files.values()} - self.pieces.keys()
+        if others:
+            raise ValueError(f"{min(others)!r:.60} is no piece of this export")
+        return self
 
     @staticmethod
     def for_dataset(dataset: Dataset, format: str, options: dict[str, str]) -> "ExportManifest":

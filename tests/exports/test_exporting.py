@@ -583,8 +583,22 @@ def test_a_manifest_that_was_made_to_harm_deletes_nothing(dataset: Path, tmp_pat
     document = json.loads((output / "export.json").read_text())
     digest = hashlib.sha256().hexdigest()
     for path, checksum in (("../../precious", digest), ("a\ud800", digest), ("a", digest[1:])):
-        damaged = document["files"] | {path: {"size": 0, "sha256": checksum, "piece": "samples"}}
+        record = {"size": 0, "sha256": checksum, "piece": min(document["pieces"])}
+        damaged = document["files"] | {path: record}
         (output / "export.json").write_text(json.dumps(document | {"files": damaged}))
         with pytest.raises((InputError, RunError), match="not the manifest of an export"):
             export_dataset("kitti", dataset, output, fresh=True)
     assert (tmp_path / "precious").exists()
+
+
+def test_a_manifest_with_a_file_of_no_piece_is_refused(dataset: Path, tmp_path: Path) -> None:
+    """To go on would remove the file, and call the export complete without it."""
+    output = tmp_path / "kitti"
+    export_dataset("kitti", dataset, output)
+    document = json.loads((output / "export.json").read_text())
+    path = min(document["files"])
+    document["files"][path]["piece"] += "_"
+    (output / "export.json").write_text(json.dumps(document))
+    with pytest.raises(RunError, match="not the manifest of an export"):
+        export_dataset("kitti", dataset, output)
+    assert (output / path).is_file()
