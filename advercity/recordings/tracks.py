@@ -99,12 +99,13 @@ def check_samples(times_s: NDArray[np.float64], places: NDArray[np.float64]) -> 
         message = f"nothing is known of the {steps_s[index - 1]:.1f} s before {times_s[index]:g} s"
         hint = f"gaps of up to {MAX_GAP_S:g} s are interpolated; split the track into two ids"
         raise BadSampleError(index, message, hint)
-    speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / steps_s
+    with np.errstate(over="ignore"):  # an infinite speed is too fast, too
+        speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / steps_s
     jumps = np.flatnonzero(speeds > MAX_SPEED_M_S)
     if len(jumps):
         index = int(jumps[0]) + 1
         moved_m, step_s = speeds[index - 1] * steps_s[index - 1], steps_s[index - 1]
-        message = f"moves {moved_m:.1f} m in {step_s:.2f} s, {speeds[index - 1]:.0f} m/s"
+        message = f"moves {moved_m:.6g} m in {step_s:.3g} s, {speeds[index - 1]:.4g} m/s"
         raise BadSampleError(index, message, "places are in metres, times in seconds")
 
 
