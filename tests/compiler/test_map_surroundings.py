@@ -10,6 +10,7 @@ from advercity_dsl import Road
 
 from advercity.compiler.library import load_declaration
 from advercity.geometry.mesh import Mesh
+from advercity.rendering.panes import PANE_MATERIALS
 from advercity.roads.road_network import build_road
 from advercity.scene.surroundings import build_surroundings
 from advercity.scene.terrain import GroundModel, build_ground
@@ -156,7 +157,8 @@ def test_shops_have_low_panes_and_halls_have_them_below_the_eaves(
 
     meshes, *_ = build_surroundings(network, lambda at: np.zeros(len(at)), network.paved_area)
 
-    heights_m = np.concatenate([mesh.vertices[:, 2] for mesh in meshes if mesh.material == "glass"])
+    panes = [mesh for mesh in meshes if mesh.material in PANE_MATERIALS]
+    heights_m = np.concatenate([mesh.vertices[:, 2] for mesh in panes])
     # The panes of a door are lower.
     assert np.quantile(heights_m, 0.03) == pytest.approx(lowest_m, abs=0.2)
     assert np.median(heights_m) == pytest.approx(usual_m, abs=1.5)
