@@ -41,6 +41,8 @@ BANK_WIDTH_M = 1.0
 """Width of the slope of a plateau, inside its outline; outside there may be a retaining wall."""
 OVERLAP_M = 0.05
 """Overlap of the ground under the road, so that no crack opens between them."""
+HEIGHT_DECIMALS = 6
+"""Digits of heights in metres that all processors compute alike."""
 GROUND_DROP_M = 0.004
 """Drop of the ground below the edge of the road: surfaces at one height would flicker."""
 SKIRT_HEIGHT_M = 0.1
@@ -135,14 +137,15 @@ class GroundModel:
         return cls(segments, np.concatenate(samples), plateaus)
 
     def height_at(self, points: Points) -> Float64Array:
-        """Compute the height (n,) of the ground at points (n, 2) off the road, metres."""
+        """Compute the height (n,) of the ground at points (n, 2) off the road, to a micrometre."""
         distance, edge_height = self.segments.find_nearest(points)
         mean_height = _compute_mean_edge_height(points, self.samples)
         height = _blend_heights(distance, edge_height, mean_height)
         height += _compute_hill_height(points, distance)
         for plateau in self.plateaus:
             height = self._raise_to_plateau(points, height, plateau)
-        return height
+        # Last digits of exponentials and sines are those of the processor; normals would show them.
+        return np.round(height, HEIGHT_DECIMALS)
 
     def _raise_to_plateau(
         self, points: Points, height: Float64Array, plateau: Plateau
