@@ -387,7 +387,8 @@ def test_a_rig_that_asks_for_truth_gets_images_of_it(spec: Spec, tmp_path: Path)
     np.testing.assert_array_equal(developed, view.image(0))
     flow, row, column = view.flow(0), *np.indices(view.instance(0).shape)
     seen = ~flow.occluded
-    assert seen.mean() > 0.8
+    # Blades of grass hide one another in a picture of 96 pixels.
+    assert seen.mean() > 0.75
     shift = np.nan_to_num(flow.shift_px)
     place = (row + shift[..., 1])[seen].round(), (column + shift[..., 0])[seen].round()
     after = Scenario(scenario)[1]["cav1"]
