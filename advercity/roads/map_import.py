@@ -133,12 +133,12 @@ def _check_lanes(network: SumoNetwork, declared: MapFile) -> None:
                 f" {_describe_lane(lane)}; lanes are at most {MAX_LANE_WIDTH_M:g} m wide"
             )
     points = np.concatenate([lane.shape for lane in network.lanes])
-    ways = ("from west to east", "from south to north")
-    for size_m, way in zip(np.ptp(points[:, :2], axis=0), ways, strict=True):
+    directions = ("from west to east", "from south to north")
+    for size_m, direction in zip(np.ptp(points[:, :2], axis=0), directions, strict=True):
         if not size_m <= MAX_SITE_M:
             raise InputError(
-                f"{declared.file}: its lanes are {size_m:g} m {way}; the limit is {MAX_SITE_M:g} m,"
-                " to which `extent_m` cuts a map"
+                f"{declared.file}: its lanes are {size_m:g} m {direction}; the limit is"
+                f" {MAX_SITE_M:g} m, to which `extent_m` cuts a map"
             )
     height_m = points[np.abs(points[:, 2]).argmax(), 2]
     if not abs(height_m) <= MAX_SITE_M:

@@ -244,7 +244,7 @@ def _build_blinds(
 ) -> SurfaceMaterials:
     """Build blinds in a fraction of windows, and curtains at the sides of some others.
 
-    They are before the panes, which are opaque where nobody looks through them.
+    They are before the panes, since those of buildings are opaque.
     """
     has_blind = draw.random(len(centres)) < fraction
     covered = half * draw.uniform(0.15, MAX_BLIND_FRACTION, (len(centres), 1))

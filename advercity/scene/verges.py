@@ -32,7 +32,7 @@ DRY_FRACTION = 0.16
 STEP_M = 0.3
 """Distance of the points between which the width of bare ground changes."""
 ROADWAY_BARE_M, SIDEWALK_BARE_M = 0.26, 0.07
-"""Mean width of bare ground beside a roadway, where wheels come, and beside a sidewalk."""
+"""Mean width of bare ground along a roadway, where wheels come, and along a sidewalk."""
 SPILL_M, RISE_M, SINK_M = 0.09, 0.010, 0.02
 """How far bare ground spills over the edge of paving, how far it lies above the ground there, and
 how far below at its outer border, so that it has no edge of its own."""
@@ -52,7 +52,7 @@ class _Edges:
         points: (n, 2) metres.
         steps: (n, 2) to the next point of the same edge.
         outward: (n, 2) unit vectors away from the paving.
-        bare_m: (n, 2) width of the bare ground beside a point and beside the next.
+        bare_m: (n, 2) width of the bare ground at a point and at the next.
         spill_m: (n, 2) how far it spills over the paving at both.
         is_roadway: (n,) whether wheels come here.
     """
