@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.polyline import StationedPolyline, polyline_stations
+from advercity.randomness import create_generator
 from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import Semantic
@@ -21,10 +22,19 @@ WEAR_SAMPLE_STEP_M = 0.12
 """Less than half a texel, so that none within a lane stays without a sample."""
 TYRE_TRACK_M, TYRE_TRACK_SIGMA_M = 0.78, 0.28
 """Lateral distance from a lane's middle to the middle of a tyre's track, and its deviation."""
-STAIN_WIDTH_M, STAIN_STRENGTH = 0.35, 0.6
-"""Width of the stains in the middle of a lane, and their weight against the polish of tyres."""
+TYRE_DARKENING, OIL_DARKENING = 0.25, 0.20
+"""What rubber and what oil take of the albedo where they are most."""
+OIL_WIDTH_M, OIL_BEFORE_STOPS, STOP_RANGE_M = 0.30, 1.4, 14.0
+"""Width of the line of oil in the middle of a lane, how much more of it there is where vehicles
+wait at the end of a lane, and over which distance."""
+PAVING_TONE = 0.07
+"""Greatest difference of the albedo of a paving pass, which is a lane, from the mean."""
+JUNCTION_WEAR = 0.8
+"""Wear by one path through a junction, over that of a lane, on which all vehicles drive."""
 NEUTRAL_WEAR, WEAR_STEPS = 128, 127
 """Byte of unworn ground, and bytes from there to fully polished or stained."""
+WEAR_TONE = 0.5
+"""Change of the albedo that `WEAR_STEPS` stand for."""
 
 SHELTER_TEXEL_M, SHELTER_MAX_TEXELS = 0.5, 1536
 FOLIAGE_SHELTER_FRACTION = 0.6
@@ -57,24 +67,32 @@ NO_SHELTER = GroundMap(np.array([[[NO_SURFACE_M, 0.0]]], np.float32))
 
 
 def build_wear_map(lanes: Sequence[LaneSegment]) -> GroundMap:
-    """Map the polish of tyres and the stains between them in every driving lane.
+    """Map what traffic makes of carriageways.
 
-    Texels (h, w) are uint8: above NEUTRAL_WEAR polished, below stained. The mean across a lane is
-    neutral, so that wear does not change how bright a road is.
+    Texels (h, w, 2) are uint8: how much tyres polish, and the tone, as changes of the albedo of
+    which `WEAR_STEPS` are `WEAR_TONE`. The mean of the polish across a lane is neutral, and so is
+    that of the tone over all lanes, so that wear does not change how bright roads are.
     """
     driven = [_sample_lane(lane) for lane in lanes if lane.kind == "driving"]
     if not driven:
-        return GroundMap(np.full((1, 1), NEUTRAL_WEAR, dtype=np.uint8))
-    points, wear = (np.concatenate(column) for column in zip(*driven, strict=True))
+        return GroundMap(np.full((1, 1, 2), NEUTRAL_WEAR, dtype=np.uint8))
+    points = np.concatenate([samples[:, :2] for samples in driven])
     low, high = points.min(axis=0) - WEAR_MARGIN_M, points.max(axis=0) + WEAR_MARGIN_M
     texel = max(WEAR_TEXEL_M, float((high - low).max()) / WEAR_MAX_TEXELS)
     width, height = np.ceil((high - low) / texel).astype(int)
-    column, row = ((points - low) / texel).astype(int).T
-    index = row * width + column
-    count = np.bincount(index, minlength=width * height)
-    total = np.bincount(index, wear, minlength=width * height)
-    mean = (total / np.maximum(count, 1)).clip(-1, 1).reshape(height, width)
-    return _place_map(np.round(NEUTRAL_WEAR + WEAR_STEPS * mean).astype(np.uint8), low, texel)
+    size = width * height
+    numbered = [_average_by_texel(samples, low, texel, width) for samples in driven]
+    index, values = (np.concatenate(column) for column in zip(*numbered, strict=True))
+    count = np.bincount(index, minlength=size)
+    is_driven = count > 0
+    # Where paths cross, the one that wears most shows.
+    polish, tyres, oil = (_map_greatest(index, values[:, k], size) for k in range(3))
+    paving = np.bincount(index, values[:, 3], minlength=size) / np.maximum(count, 1)
+    tone = paving - TYRE_DARKENING * tyres - OIL_DARKENING * oil
+    tone -= tone[is_driven].mean()
+    texels = np.stack([polish, tone / WEAR_TONE], axis=-1) * is_driven[:, None]
+    texels = np.round(NEUTRAL_WEAR + WEAR_STEPS * texels.clip(-1, 1)).astype(np.uint8)
+    return _place_map(texels.reshape(height, width, 2), low, texel)
 
 
 def build_shelter_map(world: World) -> GroundMap:
@@ -109,8 +127,30 @@ def _place_map(texels: NDArray[Any], low: Float64Array, texel_m: float) -> Groun
     return GroundMap(texels, corner, size)
 
 
-def _sample_lane(lane: LaneSegment) -> tuple[Float64Array, Float64Array]:
-    """Sample points (n, 2) all over a lane, and their wear (n,) in [-1, 1]."""
+def _average_by_texel(
+    samples: Float64Array, low: Float64Array, texel_m: float, width: int
+) -> tuple[NDArray[np.int64], Float64Array]:
+    """Average samples of a lane: the numbers of their texels (n,), and means (n, 4)."""
+    column, row = ((samples[:, :2] - low) / texel_m).astype(np.int64).T
+    index, inverse, count = np.unique(row * width + column, return_inverse=True, return_counts=True)
+    sums = [np.bincount(inverse.ravel(), value) for value in samples[:, 2:].T]
+    return index, np.stack(sums, axis=-1) / count[:, None]
+
+
+def _map_greatest(index: NDArray[np.int64], values: Float64Array, size: int) -> Float64Array:
+    """Map the greatest of the values (n,) of each texel (size,); 0 where there are none."""
+    order = np.lexsort((values, index))
+    last = np.append(np.flatnonzero(np.diff(index[order])), len(order) - 1)
+    greatest = np.zeros(size)
+    greatest[index[order[last]]] = values[order[last]]
+    return greatest
+
+
+def _sample_lane(lane: LaneSegment) -> Float64Array:
+    """Sample points all over a lane.
+
+    Rows (n, 6) are x, y, polish by tyres less its mean, polish, oil, and tone of the paving.
+    """
     left, right = lane.left[:, :2], lane.right[:, :2]
     middle = (left + right) / 2
     station = polyline_stations(middle)
@@ -120,7 +160,16 @@ def _sample_lane(lane: LaneSegment) -> tuple[Float64Array, Float64Array]:
     fraction = (np.arange(0.0, width, WEAR_SAMPLE_STEP_M) + WEAR_SAMPLE_STEP_M / 2) / width
     points = edges[0][:, None] * (1 - fraction[:, None]) + edges[1][:, None] * fraction[:, None]
     lateral = np.abs(fraction - 0.5) * width
-    wear = np.exp(-(((lateral - TYRE_TRACK_M) / TYRE_TRACK_SIGMA_M) ** 2))
-    wear -= STAIN_STRENGTH * np.exp(-((lateral / STAIN_WIDTH_M) ** 2))
-    wear = np.broadcast_to(wear - wear.mean(), points.shape[:2])
-    return points.reshape(-1, 2), wear.reshape(-1)
+    tyres = np.exp(-(((lateral - TYRE_TRACK_M) / TYRE_TRACK_SIGMA_M) ** 2))
+    oil = np.exp(-((lateral / OIL_WIDTH_M) ** 2))
+    waiting = 1 + OIL_BEFORE_STOPS * np.exp(-(station[-1] - along) / STOP_RANGE_M)
+    paving = 0.0 if lane.in_junction else create_generator("paving", lane.id).uniform(-1, 1)
+    dripped = 0.0 if lane.in_junction else waiting
+    columns = (
+        *np.moveaxis(points, -1, 0),
+        tyres - tyres.mean(),
+        tyres * (JUNCTION_WEAR if lane.in_junction else 1.0),
+        np.multiply.outer(dripped * np.ones(len(along)), oil),
+        PAVING_TONE * paving,
+    )
+    return np.stack([np.broadcast_to(c, points.shape[:2]) for c in columns], axis=-1).reshape(-1, 6)

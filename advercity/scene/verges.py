@@ -25,7 +25,7 @@ from advercity.randomness import create_generator
 from advercity.scene.site import Site
 from advercity.semantics import Semantic
 
-VERGE_M, TUFTS_PER_M, BLADES_PER_TUFT, MAX_TUFTS = 3.0, 28.0, 7, 36_000
+VERGE_M, TUFTS_PER_M, BLADES_PER_TUFT, MAX_TUFTS = 3.0, 46.0, 7, 60_000
 """Width of the strip along paved edges that has tufts of grass, and how many."""
 DRY_FRACTION = 0.16
 """Fraction of the tufts that have withered."""
@@ -36,12 +36,14 @@ ROADWAY_BARE_M, SIDEWALK_BARE_M = 0.26, 0.07
 SPILL_M, RISE_M, SINK_M = 0.09, 0.010, 0.02
 """How far bare ground spills over the edge of paving, how far it lies above the ground there, and
 how far below at its outer border, so that it has no edge of its own."""
-MEDIAN_TUFTS_PER_M2, MEDIAN_MARGIN_M = 7.0, 0.14
+MEDIAN_TUFTS_PER_M2, MEDIAN_MARGIN_M = 26.0, 0.14
 """Tufts on medians, and how far from their kerbs: blades may hang over these, but over no lane."""
 WEEDS_PER_M, JOINT_M = 1.2, (0.12, 0.155)
 """Weeds along kerbs, and how far behind their faces is the joint that they grow from."""
+TUFT_SPREAD_M, WEED_SPREAD_M = 0.13, 0.05
+"""Greatest distance of roots from the middle of a tuft: grass is a sward, weeds stand alone."""
 _WAVES_M, _WEIGHTS = (13.0, 2.7, 0.8, 0.35), (0.4, 0.5, 0.5, 0.4)
-_BLADE_WIDTH_M = 0.013
+_BLADE_WIDTH_M = 0.010
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +114,8 @@ def build_street_plants(
             continue
         if grown.any():
             height = draw.uniform(0.03, 0.11, int(grown.sum()))
-            blades = _build_tufts(tufts[grown], height, draw)
+            spread_m = WEED_SPREAD_M if mesh.material == "kerb" else TUFT_SPREAD_M
+            blades = _build_tufts(tufts[grown], height, spread_m, draw)
             parts.append(MeshPart(blades, "grass_blades", Semantic.TERRAIN))
     return parts
 
@@ -204,24 +207,28 @@ def _build_grass(
     at = draw.uniform(size=count)
     bare = edges.bare_m[row, 0] * (1.0 - at) + edges.bare_m[row, 1] * at
     away = 0.75 * bare + (VERGE_M - 0.75 * bare) * draw.uniform(size=count) ** draw.choice(
-        [1.0, 4.0], count
+        [1.3, 3.0], count
     )
     foot = edges.points[row] + at[:, None] * edges.steps[row] + away[:, None] * edges.outward[row]
-    # Where it is mown short it is as the ground is seen.
-    height = draw.uniform(0.05, 0.14, count) * np.where(away < bare + 0.5, 1.5, 1.0)
-    height *= np.where(draw.uniform(size=count) < 0.08, 1.7, 1.0)
+    # Longest at the border, which mowers miss; further off so short that it ends unseen.
+    height = draw.uniform(0.05, 0.13, count) * np.interp(away - bare, (0.3, VERGE_M), (1.5, 0.45))
+    height *= np.where(draw.uniform(size=count) < 0.06, 1.6, 1.0)
     free = site.is_free(foot, 0.03)
     is_dry = draw.uniform(size=count) < DRY_FRACTION * np.where(away < bare + 0.3, 2.0, 0.6)
     for dry, material in ((False, "grass_blades"), (True, "straw")):
         these = free & (is_dry == dry)
         if these.any():
-            yield _build_tufts(site.project_to_ground(foot[these]), height[these], draw), material
+            feet = site.project_to_ground(foot[these])
+            yield _build_tufts(feet, height[these], TUFT_SPREAD_M, draw), material
 
 
 def _build_tufts(
-    feet: Float64Array, height_m: Float64Array, draw: np.random.Generator
+    feet: Float64Array, height_m: Float64Array, spread_m: float, draw: np.random.Generator
 ) -> TriangleSurface:
-    """Build blades around points (n, 3) that bend away from each, with upward normals."""
+    """Build blades up to a distance around points (n, 3), away from which they bend.
+
+    Their normals are upward.
+    """
     count = len(feet) * BLADES_PER_TUFT
     # Blade by blade over all tufts: every fourth or sixteenth is then of as many tufts.
     foot, height = np.tile(feet, (BLADES_PER_TUFT, 1)), np.tile(height_m, BLADES_PER_TUFT)
@@ -229,7 +236,7 @@ def _build_tufts(
     away = np.column_stack([np.cos(yaw), np.sin(yaw), np.zeros(count)])
     height = height * draw.uniform(0.6, 1.15, count)
     spread = draw.uniform(0.0, 1.0, (count, 1))
-    root = foot + 0.05 * spread * away
+    root = foot + spread_m * spread * away
     tip = root + height[:, None] * (xyz(z=1.0) + (0.15 + 0.6 * spread) * away)
     side = 0.5 * _BLADE_WIDTH_M * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(count)])
     corners = np.stack([root - side, root + side, tip], axis=1).reshape(-1, 3)

@@ -110,8 +110,8 @@ def test_grass_of_a_median_hangs_over_its_kerbs_at_most():
     (grass,) = build_street_plants([median], shapely.box(-40, 1.65, 40, 8), "test")
     corners = grass.surface.vertices
     assert np.abs(corners[:, 1]).max() < 1.65
-    # 80 m by 2.72 m with 7 tufts of 7 blades on each square metre.
-    assert len(grass.surface.triangles) == pytest.approx(80 * 2.72 * 7 * 7, rel=0.05)
+    # 80 m by 2.72 m with 26 tufts of 7 blades on each square metre.
+    assert len(grass.surface.triangles) == pytest.approx(80 * 2.72 * 26 * 7, rel=0.05)
     assert 0.12 < corners[:, 2].min() < 0.14 < 0.2 < corners[:, 2].max() < 0.3
 
 

@@ -26,8 +26,8 @@ class BakedSurface:
 
 
 BAKED_SURFACES: dict[str, BakedSurface] = {
-    "asphalt": BakedSurface(ground.paint_worn_asphalt, 2.0, "asphalt"),
-    "asphalt_new": BakedSurface(ground.paint_new_asphalt, 2.0, "asphalt"),
+    "asphalt": BakedSurface(ground.paint_worn_asphalt, 1.0, "asphalt"),
+    "asphalt_new": BakedSurface(ground.paint_new_asphalt, 1.0, "asphalt"),
     "paving": BakedSurface(ground.paint_paving, 2.0, "pavement"),
     "kerb": BakedSurface(ground.paint_kerb, 1.0, "kerb"),
     "gravel": BakedSurface(ground.paint_gravel, 1.5, "gravel"),

@@ -18,19 +18,21 @@ def paint_new_asphalt(tile: Tile) -> Surface:
 
 
 def _paint_asphalt(tile: Tile, bareness: float) -> Surface:
+    """Paint stone mastic asphalt 0/8, whose stones tyres have worn flush with the mastic."""
     coarse, fine = tile.pack("coarse", 128, jitter=0.95), tile.pack("fine", 256, jitter=1.0)
-    rough = tile.noise("rough", 0.025, slope=0.3)
-    worn = bareness * (1 + 0.15 * tile.noise("worn", 0.2, 0.03))
-    is_stone = ease(0.35, 0.75, tile.draw("is_stone", coarse) + 0.08 * rough)
-    top = is_stone * ease(0.0004, 0.0026, coarse.edge_m + np.float32(0.0005) * rough)
-    grit = ease(0.0, 0.0015, fine.edge_m) * ease(0.5, 0.9, tile.draw("is_grit", fine))
+    rough = tile.noise("rough", 0.012, slope=0.3)
+    worn = bareness * (1 + 0.2 * tile.noise("worn", 0.2, 0.03))
+    is_stone = ease(0.25, 0.65, tile.draw("is_stone", coarse) + 0.08 * rough)
+    top = is_stone * ease(0.0002, 0.0013, coarse.edge_m + np.float32(0.0003) * rough)
+    grit = ease(0.0, 0.0008, fine.edge_m) * ease(0.5, 0.9, tile.draw("is_grit", fine))
     tone = tile.draw("tone", coarse)
-    stone = mix((0.085, 0.084, 0.082), (0.21, 0.20, 0.19), tone**3)
-    stone = mix(stone, (0.17, 0.145, 0.12), ease(0.9, 0.93, tile.draw("warm", coarse)))
-    binder = mix((0.05, 0.05, 0.052), (0.11, 0.109, 0.108), grit * (0.3 + 0.7 * worn))
+    stone = mix((0.085, 0.084, 0.082), (0.155, 0.150, 0.144), tone**2)
+    stone = mix(stone, (0.145, 0.125, 0.105), ease(0.9, 0.93, tile.draw("warm", coarse)))
+    stone = mix(stone, (0.23, 0.225, 0.215), ease(0.975, 0.98, tile.draw("pale", coarse)))
+    binder = mix((0.06, 0.06, 0.062), (0.10, 0.099, 0.098), grit * (0.3 + 0.7 * worn))
     colour = mix(binder, stone, top * worn)
-    colour *= 1 + 0.13 * rough + 0.04 * tile.noise("stain", 0.25, 0.04)
-    height = 0.0011 * top + 0.0004 * grit + 0.0002 * rough
+    colour *= 1 + 0.07 * rough + 0.045 * tile.noise("stain", 0.25, 0.02, slope=0.5)
+    height = 0.0004 * top + 0.0002 * grit + 0.0001 * rough
     return Surface(colour, height, 1 - 0.2 * top * worn)
 
 
@@ -87,24 +89,29 @@ def paint_soil(tile: Tile) -> Surface:
 
 
 def paint_grass(tile: Tile) -> Surface:
-    """Paint a mown lawn from above: blades of many greens over dead ones and earth."""
+    """Paint a lawn from above: tufts of blades of many greens over dead ones and earth."""
+    tufts = tile.noise("tufts", 0.30, 0.02, slope=0.3)
+    gaps = ease(0.3, 1.6, -tile.noise("gaps", 0.25, 0.015, slope=0.2))
     dead = tile.strew("dead", 30_000, (0.02, 0.06), bend=0.5)
-    colour = _colour_blades(tile, "dead", dead, (0.085, 0.075, 0.03), (0.19, 0.16, 0.07))
-    colour[:, dead.label < 0] = np.array([[0.045], [0.045], [0.02]])
+    colour = _colour_blades(tile, "dead", dead, (0.075, 0.062, 0.026), (0.20, 0.165, 0.075))
+    colour[:, dead.label < 0] = np.array([[0.036], [0.033], [0.016]])
     height = np.where(dead.label < 0, 0, 0.002 + 0.001 * dead.along)
-    density = 0.7 + 0.3 * ease(-2.0, 0.5, tile.noise("density", 0.25, 0.03))
-    for layer, level_m in enumerate((0.004, 0.007, 0.010)):
+    for layer, level_m in enumerate((0.004, 0.009, 0.015)):
         blades = tile.strew(
-            f"blades{layer}", 26_000, (0.025, 0.07), bend=0.45, width=1 + layer // 2
+            f"blades{layer}", 24_000, (0.025, 0.08), bend=0.45, width=1 + layer // 2
         )
-        light = (0.6 + 0.25 * layer) * (0.6 + 0.4 * blades.along)
-        green = _colour_blades(tile, f"{layer}", blades, (0.06, 0.095, 0.02), (0.16, 0.21, 0.06))
-        yellow = ease(0.88, 0.95, tile.draw(f"yellow{layer}", blades))
+        light = (0.45 + 0.3 * layer) * (0.45 + 0.55 * blades.along)
+        green = _colour_blades(tile, f"{layer}", blades, (0.05, 0.085, 0.018), (0.17, 0.23, 0.06))
+        yellow = ease(0.86, 0.95, tile.draw(f"yellow{layer}", blades))
         green = mix(green, (0.27, 0.24, 0.10), yellow) * light
+        # The upper blades grow where tufts are, and stand in their own shade elsewhere.
+        density = np.clip(0.8 + 0.06 * layer * tufts - 0.5 * gaps, 0.05, 1.0)
         is_there = (blades.label >= 0) & (tile.draw(f"grows{layer}", blades) < density)
         colour[:, is_there] = green[:, is_there]
         height = np.where(is_there, level_m * (0.6 + 0.4 * blades.along), height)
-    return Surface(colour, height.astype(np.float32), np.ones_like(height))
+    colour *= np.clip(1 + 0.08 * tufts - 0.1 * gaps, 0.35, 1.8)
+    height = height + 0.004 * tufts
+    return Surface(colour, height.astype(np.float32), np.ones_like(height, np.float32))
 
 
 def paint_crops(tile: Tile) -> Surface:

@@ -12,9 +12,9 @@ import numpy as np
 
 from advercity.geometry.arrays import Float32Array
 from advercity.materials import Texture
-from advercity_mitsuba.noise import hash_cell, retained_contrast, smoothstep, value_noise
+from advercity_mitsuba.noise import hash_cell, retained_contrast, value_noise
 from advercity_mitsuba.variant import dr, mi
-from advercity_mitsuba.weathering import WeatherTables, compute_wear
+from advercity_mitsuba.weathering import LOGISTIC, WeatherTables, compute_wear
 
 MAPPED_M = 0.3
 LEVEL_SLOPE = 0.3
@@ -60,26 +60,26 @@ _FOLIAGE = (
     _of_space(0.13, 1, 0.55),
     _of_space(0.6, 2, 0.35),
     _of_space(0.35, 3, hue=0.12),
-    _Octave(6.0, 4, hue=0.30),
+    _Octave(6.0, 4, hue=0.20),
 )
 OCTAVES: dict[Texture, tuple[_Octave, ...]] = {
     Texture.ASPHALT: (
         _Octave(0.025, 1, 0.30),
         _Octave(0.11, 2, 0.10),
-        _Octave(0.9, 3, 0.07),
-        _Octave(4.3, 4, 0.10),
-        _Octave(23.0, 5, 0.10),
+        _Octave(0.9, 3, 0.10),
+        _Octave(4.3, 4, 0.07),
+        _Octave(23.0, 5, 0.06),
     ),
     Texture.GRASS: (
-        _Octave(0.035, 1, 0.45),
-        _Octave(0.16, 2, 0.30),
-        _Octave(0.55, 3, 0.22),
-        _Octave(1.9, 4, 0.18),
-        _Octave(7.7, 7, 0.14),
-        _Octave(0.8, 8, hue=0.14),
-        _Octave(3.1, 5, hue=0.16),
-        _Octave(11.0, 9, hue=0.18),
-        _Octave(31.0, 6, hue=0.26),
+        _Octave(0.035, 1, 0.35),
+        _Octave(0.16, 2, 0.28),
+        _Octave(0.75, 3, 0.26),
+        _Octave(1.9, 4, 0.20),
+        _Octave(7.7, 7, 0.11),
+        _Octave(0.9, 8, hue=0.14),
+        _Octave(3.1, 5, hue=0.14),
+        _Octave(11.0, 9, hue=0.10),
+        _Octave(31.0, 6, hue=0.10),
     ),
     Texture.SOIL: (
         _Octave(0.06, 1, 0.35),
@@ -147,14 +147,17 @@ def compute_detail(
     """
     fine = dr.select(mapped, dr.maximum(footprint, MAPPED_M), footprint)
     across = _find_surface_point(p, n)
+    q = _turn_lattice(mi.Point2f(p.x, p.y))
+    turned = mi.Vector3f(q.x, q.y, 0.0)
 
     def add(i: Any, tone: Any, hue: Any) -> tuple[Any, Any, Any]:
         row = 2 * (kind * MAX_OCTAVES + i)
         first = dr.gather(mi.Vector4f, octaves, row)
         second = dr.gather(mi.Vector4f, octaves, row + 1)
-        place = dr.select(second.w > 0.5, across, mi.Vector3f(p))
-        q = place * mi.Vector3f(second.x, second.y, second.z) / first.z
-        strength = retained_contrast(first.z, fine) * _space_noise(q, mi.Int32(first.w))
+        plane = dr.select(second.z == 0.0, turned, mi.Vector3f(p))
+        place = dr.select(second.w > 0.5, across, plane)
+        at = place * mi.Vector3f(second.x, second.y, second.z) / first.z
+        strength = retained_contrast(first.z, fine) * _space_noise(at, mi.Int32(first.w))
         return i + 1, tone + first.x * strength, hue + first.y * strength
 
     def goes_on(i: Any, *_: Any) -> Any:
@@ -162,12 +165,23 @@ def compute_detail(
 
     start = (mi.UInt32(0), mi.Float(0.0), mi.Float(0.0))
     _, tone, hue = dr.while_loop(start, goes_on, add, labels=("i", "tone", "hue"))
-    q = mi.Point2f(p.x, p.y)
-    tone += dr.select(kind == int(Texture.ASPHALT), _wear_of_asphalt(w, p, q, fine, footprint), 0.0)
+    polish, worn = compute_wear(w, p, fine)
+    uneven = 1.0 + 0.35 * value_noise(q / 3.0, 6)
+    tone += dr.select(kind == int(Texture.ASPHALT), worn * uneven, 0.0)
     is_marking = kind == int(Texture.MARKING)
-    tone -= dr.select(is_marking, 0.8 * _worn_paint(q, fine), 0.0)
+    tone -= dr.select(is_marking, 0.8 * _worn_paint(q, polish, fine), 0.0)
     tone += _slab_tones(kind, mi.Point2f(across.x, across.y), n, fine, footprint)
-    return mi.Color3f(1.0 + tone + hue, 1.0 + tone + 0.25 * hue, 1.0 + tone - 0.5 * hue)
+    green, blue = mi.Float(0.25), mi.Float(-0.5)
+    for texture in (Texture.GRASS, Texture.LEAVES, Texture.CROWN):
+        # From fresh to withered: none is bluer than the mean.
+        green = dr.select(kind == int(texture), 0.3, green)
+        blue = dr.select(kind == int(texture), 0.5, blue)
+    return mi.Color3f(1.0 + tone + hue, 1.0 + tone + green * hue, 1.0 + tone + blue * hue)
+
+
+def _turn_lattice(p: Any) -> Any:
+    """Turn points of the plane: roads run along the axes of many sites, and lattices must not."""
+    return mi.Point2f(0.8 * p.x - 0.6 * p.y, 0.6 * p.x + 0.8 * p.y)
 
 
 def _find_surface_point(p: Any, n: Any) -> Any:
@@ -187,47 +201,30 @@ def _space_noise(p: Any, salt: Any) -> Any:
     return dr.lerp(value_noise(q, at), value_noise(q, at + 64), f * f * (3.0 - 2.0 * f))
 
 
-def _wear_of_asphalt(w: WeatherTables, p: Any, q: Any, fine: Any, footprint: Any) -> Any:
-    worn = 0.16 * compute_wear(w, p, fine) * (0.75 + 0.25 * value_noise(q / 5.0, 6))
-    return worn - 0.30 * _patches(q, footprint) - 0.45 * _cracks(q, footprint)
-
-
 def _cell_number(cell: Any, salt: int) -> Any:
     i = mi.Vector2i(cell)
     return hash_cell(i.x, i.y, salt)
 
 
-def _patches(q: Any, footprint: Any) -> Any:
-    """Evaluate rectangles of newer asphalt, some per hectare, mean 0."""
-    width_m, patched = 11.0, 0.22
-    mean = patched * 3.0 * 1.8 / width_m**2
-    cell = dr.floor(q / width_m)
-    kept = retained_contrast(2.0, footprint)
-    half = 0.5 * mi.Vector2f(3.0 + 1.6 * _cell_number(cell, 72), 1.8 + 0.8 * _cell_number(cell, 73))
-    offset = mi.Vector2f(_cell_number(cell, 74), _cell_number(cell, 75))
-    away = dr.abs(mi.Vector2f(q - (cell + 0.5) * width_m) - 3.0 * offset)
-    inside = dr.clip((half - away) / dr.maximum(footprint, 0.02) + 0.5, 0.0, 1.0)
-    is_patched = 0.5 + 0.5 * _cell_number(cell, 71) <= patched
-    return kept * (dr.select(is_patched, inside.x * inside.y, 0.0) - mean)
+def _worn_paint(p: Any, polish: Any, footprint: Any) -> Any:
+    """Evaluate how far paint is worn, most where tyres go: 1 where asphalt shows, less the mean.
 
-
-def _cracks(q: Any, footprint: Any) -> Any:
-    """Evaluate cracks along the zeros of a slow noise, where another one is high enough."""
-    kept = retained_contrast(0.5, footprint)
-    allowed = smoothstep(0.15, 0.3, value_noise(q / 13.0, 81))
-    bent = q + 0.25 * mi.Point2f(value_noise(q / 0.4, 82), value_noise(q / 0.4, 83))
-    away = dr.abs(value_noise(bent / 3.7, 84)) * 3.7 * 0.6
-    soft = dr.maximum(footprint, 0.006)
-    return kept * allowed * dr.clip((0.012 - away) / soft + 0.5, 0.0, 1.0)
-
-
-def _worn_paint(q: Any, footprint: Any) -> Any:
-    """Evaluate how far paint is worn: 1 where asphalt shows, less the mean."""
-    mean = 0.148
-    kept = retained_contrast(0.12, footprint)
-    off = 0.25 * value_noise(q / 0.07, 86) + 0.5 * value_noise(q / 0.02, 87)
-    off += 0.6 * value_noise(q / 1.3, 88)
-    return kept * (dr.clip((off - 0.05) / 0.8, 0.0, 1.0) - mean)
+    What is finer than the footprint blends.
+    """
+    mean, by_tyres, sharp, variance = 0.13, 0.35, 0.06, 0.184
+    wavelength, weight, everything = 0.6, 0.07, 0.0
+    total, lost = mi.Float(0.0), mi.Float(sharp**2)
+    for octave in range(5):
+        kept = retained_contrast(wavelength, footprint)
+        total += weight * kept * value_noise(p / wavelength, 86 + octave)
+        lost += variance * weight**2 * (1.0 - kept * kept)
+        everything += variance * weight**2
+        wavelength *= 0.36
+        weight *= 1.7
+        p = _turn_lattice(p)
+    likely = dr.clip(mean + by_tyres * polish, 0.02, 0.9)
+    at = float(np.sqrt(everything + sharp**2)) / LOGISTIC * dr.log(likely / (1.0 - likely))
+    return 1.0 / (1.0 + dr.exp(-LOGISTIC * (total + at) / dr.sqrt(lost))) - mean
 
 
 def _slab_tones(kind: Any, uv: Any, n: Any, fine: Any, footprint: Any) -> Any:

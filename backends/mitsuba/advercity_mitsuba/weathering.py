@@ -12,6 +12,7 @@ from advercity.rendering.ground_maps import (
     NEUTRAL_WEAR,
     NO_SHELTER,
     WEAR_STEPS,
+    WEAR_TONE,
     GroundMap,
     build_shelter_map,
     build_wear_map,
@@ -63,7 +64,7 @@ class GroundMaps:
     def __init__(self, world: World) -> None:
         self._world = world
         wear = build_wear_map(world.lanes)
-        texels = (wear.texels.astype(np.float32) - NEUTRAL_WEAR) / WEAR_STEPS
+        texels = (wear.texels.astype(np.float32) - NEUTRAL_WEAR) / WEAR_STEPS * (1.0, WEAR_TONE)
         self.wear, self.wear_extent = _upload(wear, texels)
         # Beyond one texel, the height field repeats.
         field = water.build_puddle_height_field()
@@ -122,11 +123,18 @@ def is_road(kind: Any) -> Any:
     return _is_one_of(kind, (Texture.ASPHALT, Texture.MARKING))
 
 
-def compute_wear(w: WeatherTables, p: Any, footprint: Any) -> Any:
-    """Compute the wear of a carriageway: polished by tyres (up to 1) or stained (down to -1)."""
+def compute_wear(w: WeatherTables, p: Any, footprint: Any) -> tuple[Any, Any]:
+    """Compute the wear of a carriageway.
+
+    Returns:
+        How much more tyres polish it than the mean of its lane (up to 1), and what tyres, oil and
+        the age of its paving change of its albedo.
+    """
     uv = (mi.Point2f(p.x, p.y) - w.wear_extent.xy) * w.wear_extent.zw
     inside = dr.all((uv >= 0.0) & (uv <= 1.0))
-    return dr.select(inside, retained_contrast(3.0, footprint) * w.wear.eval(uv)[0], 0.0)
+    kept = dr.select(inside, retained_contrast(3.0, footprint), 0.0)
+    polish, tone = w.wear.eval(uv)
+    return kept * polish, kept * tone
 
 
 def _cover_fraction(fraction: Any, noise: Any, sigma: float, kept: Any, soft: float) -> Any:
@@ -195,7 +203,7 @@ def _snow_cover(w: WeatherTables, kind: Any, snowless: Any, p: Any, n: Any, foot
     upward = dr.clip((n.z - 0.35) / 0.4, 0.0, 1.0)
     scale = dr.select(road, mi.Float(on_road), elsewhere)
     cover = upward * (1.0 - dr.exp(-w.numbers["snow_depth_m"] / scale)) * _snowfall_fraction(w, p)
-    rut = smoothstep(0.1, 0.5, compute_wear(w, p, footprint))
+    rut = smoothstep(0.1, 0.5, compute_wear(w, p, footprint)[0])
     cleared = dr.lerp(w.numbers["snow_between_ruts"], w.numbers["snow_in_ruts"], rut)
     cover *= dr.select(road, cleared, 1.0)
     resolved, kept = _patch_noise(mi.Point2f(p.x, p.y), footprint)
@@ -207,7 +215,7 @@ def _snow_cover(w: WeatherTables, kind: Any, snowless: Any, p: Any, n: Any, foot
 
 def _snow_albedo(w: WeatherTables, kind: Any, p: Any, footprint: Any) -> Any:
     clean, dirty = mi.Color3f(0.86, 0.88, 0.91), mi.Color3f(0.55, 0.52, 0.48)
-    driven = smoothstep(0.0, 0.5, compute_wear(w, p, footprint))
+    driven = smoothstep(0.0, 0.5, compute_wear(w, p, footprint)[0])
     return dr.select(is_road(kind), dr.lerp(clean, dirty, driven), clean)
 
 

@@ -28,7 +28,7 @@ from advercity.physics.lamp_beams import (
 )
 from advercity.physics.scattering import DropletPhaseLobes
 from advercity.rendering.fog_beams import DROPLET_UM, FOG_BEAM_NODES, grid_corners
-from advercity.rendering.ground_maps import NEUTRAL_WEAR, WEAR_STEPS
+from advercity.rendering.ground_maps import NEUTRAL_WEAR, WEAR_STEPS, WEAR_TONE
 from advercity.rendering.lamp_lenses import LENS_KCD_M2, TAIL_LAMP_KCD_M2, LensKind
 from advercity.rendering.light_sources import FOG_LAMP_HEIGHT_M, LAMP_HEIGHT_M
 from advercity.rendering.surface_weather import NO_WATER_LEVEL
@@ -110,6 +110,7 @@ def _format_constants() -> Iterator[str]:
             "MIRROR_HALF_ANGLE_SINE": _float(np.sin(MIRROR_HALF_ANGLE_RAD), 3),
             "NEUTRAL_WEAR": _float(NEUTRAL_WEAR),
             "WEAR_STEPS": _float(WEAR_STEPS),
+            "WEAR_TONE": _float(WEAR_TONE),
             "PUDDLE_TEXEL_M": _float(water.PUDDLE_TEXEL_M),
             "PUDDLE_TEXELS": _float(water.HOLLOWS_PER_EDGE * water.TEXELS_PER_HOLLOW),
             "WATER_INDEX": _float(water.WATER_REFRACTIVE_INDEX),

@@ -127,7 +127,7 @@ SCENE_TEXTURES = (
     SceneTexture("Table", "R32G32B32A32Sfloat", "edge", "diffuse"),
     SceneTexture("Sky", "R32G32B32A32Sfloat", "edge", "emission"),
     SceneTexture("Airlight", "R32G32B32A32Sfloat", "edge", "transmission"),
-    SceneTexture("Wear", "R8Unorm", "edge", "roughness"),
+    SceneTexture("Wear", "R8G8Unorm", "edge", "roughness"),
     SceneTexture("Puddles", "R32Sfloat", "repeat", "metallic"),
     SceneTexture("Shelter", "R32G32Sfloat", "edge", "normal"),
     SceneTexture("ProbeLight", "R32G32B32A32Sfloat", "edge", None),

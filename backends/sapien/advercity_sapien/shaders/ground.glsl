@@ -92,7 +92,7 @@ float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
       * snowfallFraction(p);
   if (kind == TEXTURE_PLAIN) return cover;
   if (isRoad(kind)) {
-    float rut = smoothstep(0.1, 0.5, wear(p.xy, footprint));
+    float rut = smoothstep(0.1, 0.5, wear(p.xy, footprint).x);
     cover *= mix(snowBetweenRuts(), snowInRuts(), rut);
   }
   float fraction;
@@ -103,7 +103,7 @@ float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
 // Snow on a surface: on roads dirty where wheels go.
 vec3 snowAlbedo(int kind, vec3 p, float footprint) {
   const vec3 CLEAN = vec3(0.86, 0.88, 0.91), DIRTY = vec3(0.55, 0.52, 0.48);
-  return isRoad(kind) ? mix(CLEAN, DIRTY, smoothstep(0.0, 0.5, wear(p.xy, footprint))) : CLEAN;
+  return isRoad(kind) ? mix(CLEAN, DIRTY, smoothstep(0.0, 0.5, wear(p.xy, footprint).x)) : CLEAN;
 }
 
 // Normal of snow that wind and wheels left uneven, on a surface of normal n.

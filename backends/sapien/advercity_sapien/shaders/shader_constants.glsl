@@ -50,6 +50,7 @@ const float NO_ANGLE_LIMIT = -2.0;
 const float MIRROR_HALF_ANGLE_SINE = 0.156;
 const float NEUTRAL_WEAR = 128.0;
 const float WEAR_STEPS = 127.0;
+const float WEAR_TONE = 0.5;
 const float PUDDLE_TEXEL_M = 0.75;
 const float PUDDLE_TEXELS = 512.0;
 const float WATER_INDEX = 1.333;

@@ -57,60 +57,35 @@ vec2 bondOffset(vec2 p, vec2 size) {
   return p + vec2(0.5 * size.x * mod(floor(p.y / size.y), 2.0), 0.0);
 }
 
-// Rectangles of newer asphalt, some per hectare, mean 0. Their edges were cut by hand and are worn.
-float patches(vec2 p, float footprint) {
-  const float CELL = 11.0, PATCHED = 0.22;
-  vec2 cell = floor(p / CELL);
-  float fraction = retainedContrast(2.0, footprint);
-  if (fraction <= 0.0) return 0.0;
-  const float MEAN = PATCHED * 3.0 * 1.8 / (CELL * CELL);
-  if (0.5 + 0.5 * hashUnit(cell, 71) > PATCHED) return -fraction * MEAN;
-  vec2 halfSize = 0.5 * vec2(3.0 + 1.6 * hashUnit(cell, 72), 1.8 + 0.8 * hashUnit(cell, 73));
-  vec2 middle = (cell + 0.5) * CELL + vec2(hashUnit(cell, 74), hashUnit(cell, 75)) * 3.0;
-  vec2 bent = p + 0.05 * vec2(octave(p, 0.7, footprint, 76), octave(p, 0.7, footprint, 77));
-  vec2 inside = clamp((halfSize - abs(bent - middle)) / max(footprint, 0.06) + 0.5, 0.0, 1.0);
-  return fraction * (inside.x * inside.y - MEAN);
+// Wear of a carriageway: how much more tyres polish it than the mean of its lane (up to 1), and what
+// tyres, oil and the age of its paving make of its tone.
+vec2 wear(vec2 p, float footprint) {
+  vec4 map = wearMapExtent();
+  vec2 uv = (p - map.xy) * map.zw;
+  if (any(lessThan(uv, vec2(0.0))) || any(greaterThan(uv, vec2(1.0)))) return vec2(0.0);
+  vec2 texel = textureLod(samplerWear, uv, 0.0).rg;
+  return retainedContrast(3.0, footprint) * vec2(1.0, WEAR_TONE)
+      * (texel * (255.0 / WEAR_STEPS) - NEUTRAL_WEAR / WEAR_STEPS);
 }
 
-// Cracks run along the zeros of a slow noise, where another one is high enough.
-float cracks(vec2 p, float footprint) {
-  float fraction = retainedContrast(0.5, footprint);
-  if (fraction <= 0.0) return 0.0;
-  float allowed = smoothstep(0.15, 0.3, noise(p / 13.0, 81));
-  if (allowed <= 0.0) return 0.0;
-  vec2 bent = p + 0.25 * vec2(noise(p / 0.4, 82), noise(p / 0.4, 83));
-  float away = abs(noise(bent / 3.7, 84)) * 3.7 * 0.6;
-  float soft = max(footprint, 0.006);
-  return fraction * allowed * clamp((0.012 - away) / soft + 0.5, 0.0, 1.0);
-}
-
-// Worn paint, more of it in some places: 1 where asphalt shows, less the mean. Its edges are ragged down to
-// the size of the aggregate's stones; what is finer than the footprint blends, so that nothing sparkles.
-float wornPaint(vec2 p, float footprint) {
-  const float WORN = 0.148, SOFT = 0.06, VARIANCE = 0.184;   // of noise()
+// Worn paint, most where tyres go: 1 where asphalt shows, less the mean. It breaks off the tops of the
+// aggregate's stones first; what is finer than the footprint blends, so that nothing sparkles.
+float wornPaint(vec2 p, float polish, float footprint) {
+  const float WORN = 0.13, BY_TYRES = 0.35, SOFT = 0.06, VARIANCE = 0.184;   // of noise()
   const float SLOPE = 1.702;   // of the logistic law that approximates the normal distribution
-  float wavelength = 1.1, weight = 0.5, sum = 0.0, lost = SOFT * SOFT, all = 0.0;
+  float wavelength = 0.6, weight = 0.07, sum = 0.0, lost = SOFT * SOFT, all = 0.0;
   for (int i = 0; i < 5; ++i) {
     float kept = retainedContrast(wavelength, footprint);
     if (kept > 0.0) sum += weight * kept * noise(p / wavelength, 86 + i);
     lost += VARIANCE * weight * weight * (1.0 - kept * kept);
     all += VARIANCE * weight * weight;
     wavelength *= 0.36;
-    weight *= 0.84;
+    weight *= 1.7;
     p = LATTICE_TURN * p;
   }
-  float at = sqrt(all + SOFT * SOFT) / SLOPE * log(WORN / (1.0 - WORN));
+  float likely = clamp(WORN + BY_TYRES * polish, 0.02, 0.9);
+  float at = sqrt(all + SOFT * SOFT) / SLOPE * log(likely / (1.0 - likely));
   return 1.0 / (1.0 + exp(-SLOPE * (sum + at) / sqrt(lost))) - WORN;
-}
-
-// Wear of a carriageway: polished by tyres (up to 1) or stained between them (down to -1).
-float wear(vec2 p, float footprint) {
-  vec4 map = wearMapExtent();
-  vec2 uv = (p - map.xy) * map.zw;
-  if (any(lessThan(uv, vec2(0.0))) || any(greaterThan(uv, vec2(1.0)))) return 0.0;
-  float texel = textureLod(samplerWear, uv, 0.0).r;
-  return retainedContrast(3.0, footprint)
-      * (texel * (255.0 / WEAR_STEPS) - NEUTRAL_WEAR / WEAR_STEPS);
 }
 
 // Factor of a tone, and of a hue from green (negative) to yellow.
@@ -118,26 +93,26 @@ vec3 tint(float tone, float hue) {
   return vec3(1.0 + tone + hue, 1.0 + tone + 0.25 * hue, 1.0 + tone - 0.5 * hue);
 }
 
+// Hue of grass and leaves from fresh (negative) to withered: none is bluer than the mean.
+const vec3 PLANT_HUE = vec3(1.0, 0.3, 0.5);
+
 // Factor of a material's albedo at a point p of a surface of normal n. Images have all that is
-// finer than MAPPED, except for joints of cast walls, patches and cracks.
+// finer than MAPPED, except for joints of cast walls.
 vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
   const float MAPPED = 0.3;
   float f = mapped ? max(footprint, MAPPED) : footprint;
   vec2 q = LATTICE_TURN * p.xy;
   if (kind == TEXTURE_ASPHALT) {
     float tone = 0.30 * octave(q, 0.025, f, 1) + 0.10 * octave(q, 0.11, f, 2)
-        + 0.07 * octave(q, 0.9, f, 3) + 0.10 * octave(q, 4.3, f, 4) + 0.10 * octave(q, 23.0, f, 5);
-    tone += 0.16 * wear(p.xy, f) * (0.75 + 0.25 * noise(q / 5.0, 6));
-    tone -= 0.30 * patches(p.xy, footprint) + 0.45 * cracks(p.xy, footprint);
-    return vec3(1.0 + tone);
+        + 0.10 * octave(q, 0.9, f, 3) + 0.07 * octave(q, 4.3, f, 4) + 0.06 * octave(q, 23.0, f, 5);
+    return vec3(1.0 + tone + wear(p.xy, f).y * (1.0 + 0.35 * noise(q / 3.0, 6)));
   }
   if (kind == TEXTURE_GRASS) {
     float tone = 0.35 * octave(q, 0.035, f, 1) + 0.28 * octave(q, 0.16, f, 2)
-        + 0.30 * octave(q, 0.55, f, 3) + 0.28 * octave(q, 1.9, f, 4) + 0.22 * octave(q, 7.7, f, 7);
-    float hue = 0.24 * octave(q, 0.8, f, 8) + 0.26 * octave(q, 3.1, f, 5)
-        + 0.20 * octave(q, 11.0, f, 9) + 0.20 * octave(q, 31.0, f, 6);
-    // Withered grass is redder, fresh grass less red: neither is bluer.
-    return vec3(1.0 + tone + hue, 1.0 + tone + 0.25 * hue, 1.0 + tone - 0.1 * hue);
+        + 0.26 * octave(q, 0.75, f, 3) + 0.20 * octave(q, 1.9, f, 4) + 0.11 * octave(q, 7.7, f, 7);
+    float hue = 0.14 * octave(q, 0.9, f, 8) + 0.14 * octave(q, 3.1, f, 5)
+        + 0.10 * octave(q, 11.0, f, 9) + 0.10 * octave(q, 31.0, f, 6);
+    return vec3(1.0) + tone + hue * PLANT_HUE;
   }
   if (kind == TEXTURE_SOIL) {
     float tone = 0.35 * octave(q, 0.06, f, 1) + 0.25 * octave(q, 0.33, f, 2)
@@ -158,8 +133,8 @@ vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
   }
   if (kind == TEXTURE_LEAVES || kind == TEXTURE_CROWN) {
     float tone = 0.55 * octave(p, 0.13, f, 1) + 0.35 * octave(p, 0.6, f, 2);
-    float hue = 0.12 * octave(p, 0.35, f, 3) + 0.30 * octave(q, 6.0, f, 4);
-    return tint(tone, hue);
+    float hue = 0.12 * octave(p, 0.35, f, 3) + 0.20 * octave(q, 6.0, f, 4);
+    return vec3(1.0) + tone + hue * PLANT_HUE;
   }
   if (kind == TEXTURE_BARK) {
     float tone = 0.55 * octave(p * vec3(1.0, 1.0, 0.15), 0.05, f, 1) + 0.25 * octave(p, 0.4, f, 2);
@@ -211,7 +186,7 @@ vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
   if (kind == TEXTURE_MARKING) {
     float tone = 0.10 * octave(q, 0.04, f, 1) + 0.10 * octave(q, 0.35, f, 2)
         + 0.08 * octave(q, 3.0, f, 3);
-    return vec3(1.0 + tone - 0.8 * wornPaint(q, f));
+    return vec3(1.0 + tone - 0.8 * wornPaint(q, wear(p.xy, f).x, f));
   }
   return vec3(1.0);
 }
