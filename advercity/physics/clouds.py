@@ -37,8 +37,8 @@ MULTIPLE_SCATTERING = 0.35
 CLOUD_ALBEDO = 0.75
 HAZE_SCALE_HEIGHT_M = 1200.0
 """Height over which the haze thins out to 1/e."""
-COUNTED_FROM_SINE = 0.17
-"""Sine of the elevation above which eighths are counted: below, heaps hide each other's gaps."""
+CLUSTERED_FROM_COVER = 0.75
+"""Cover at which heaps stand in clusters of kilometres; few heaps stand apart."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,13 @@ class CloudLayer:
 
 
 def choose_cloud_kind(oktas: float, *, precipitating: bool) -> tuple[CloudKind, float, float]:
-    """Choose kind, base and depth in metres of clouds: heaps up to 6 eighths, then a deck."""
+    """Choose kind, base and depth in metres of clouds: heaps up to 6 eighths, then a deck.
+
+    Few heaps are those of fair weather (humilis), flatter than wide; more of them tower higher
+    (mediocris): International Cloud Atlas, World Meteorological Organization 2017.
+    """
     if oktas <= 6:
-        return "cumulus", 1300.0, 900.0
+        return "cumulus", 1300.0, 300.0 + 100.0 * oktas
     return ("stratus", 600.0, 500.0) if precipitating else ("stratocumulus", 1000.0, 400.0)
 
 
@@ -155,14 +159,15 @@ def build_heap_heights(layer: CloudLayer) -> Float32Array:
     """Build the heights of heaps (n, n) as fractions of the layer's depth, 0 between them.
 
     The field is placed so that a gap is before the sun, and cut where heaps hide `layer.cover` of
-    the sky above the horizon.
+    the sky above the horizon. The more they hide, the more they stand in clusters.
     """
     rng = create_generator("clouds", layer.kind)
     billows = sum(
         weight * (1.0 - np.abs(_build_noise(rng, first_cells=cells, octaves=1)))
         for cells, weight in ((20, 1.0), (40, 0.5), (80, 0.28), (160, 0.16), (320, 0.09))
     )
-    field = 0.55 * _build_noise(rng, first_cells=6, octaves=2)
+    clusters = 0.55 * layer.cover / CLUSTERED_FROM_COVER
+    field = clusters * _build_noise(rng, first_cells=6, octaves=2)
     field += 0.36 * _build_noise(rng, first_cells=16, octaves=6, gain=0.55) + 0.55 * billows
     field = _move_gap_to_sun(field.astype(np.float32), layer)
     rays = _spread_rays()
@@ -277,9 +282,9 @@ def _distance_to_height(sines: Float64Array, height_m: float) -> Float64Array:
 
 
 def _spread_rays() -> Float64Array:
-    """Spread rays (k, 3) evenly over the sky in which observers count eighths."""
+    """Spread rays (k, 3) evenly over the dome, of all of which observers count eighths."""
     count = 4000
-    sine = COUNTED_FROM_SINE + (1.0 - COUNTED_FROM_SINE) * (np.arange(count) + 0.5) / count
+    sine = (np.arange(count) + 0.5) / count
     azimuth = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
     level = np.sqrt(1.0 - sine**2)
     return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), sine], axis=1)
