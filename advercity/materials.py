@@ -192,6 +192,43 @@ MATERIALS: dict[str, Material] = {
         texture=Texture.ASPHALT,
         maps="asphalt",
     ),
+    # Patches of it: one laid lately, whose binder is still dark, and one bleached by many summers.
+    "asphalt_new": Material(
+        (0.068, 0.068, 0.072),
+        0.14,
+        ASPHALT_77GHZ,
+        ASPHALT_LWIR,
+        roughness=0.85,
+        texture=Texture.ASPHALT,
+        maps="asphalt_new",
+    ),
+    "asphalt_aged": Material(
+        (0.125, 0.124, 0.124),
+        0.23,
+        ASPHALT_77GHZ,
+        ASPHALT_LWIR,
+        roughness=0.85,
+        texture=Texture.ASPHALT,
+        maps="asphalt",
+    ),
+    # What cracks and joints are sealed with.
+    "bitumen": Material(
+        (0.05, 0.05, 0.053),
+        0.06,
+        ASPHALT_77GHZ,
+        ASPHALT_LWIR,
+        roughness=0.7,
+        texture=Texture.ASPHALT,
+    ),
+    # Rusted, and polished by tyres.
+    "cast_iron": Material(
+        (0.078, 0.072, 0.067),
+        0.16,
+        METAL_77GHZ,
+        WALL_LWIR,
+        roughness=0.65,
+        texture=Texture.ASPHALT,
+    ),
     "paint_white": Material(
         (0.70, 0.70, 0.68),
         0.70,

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
-from advercity.geometry.polyline import StationedPolyline, polyline_stations
 from advercity.randomness import create_generator
 from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.roads.lane_segments import LaneSegment
@@ -151,18 +150,14 @@ def _sample_lane(lane: LaneSegment) -> Float64Array:
 
     Rows (n, 6) are x, y, polish by tyres less its mean, polish, oil, and tone of the paving.
     """
-    left, right = lane.left[:, :2], lane.right[:, :2]
-    middle = (left + right) / 2
-    station = polyline_stations(middle)
-    along = np.arange(0.0, station[-1], WEAR_SAMPLE_STEP_M)
-    edges = [StationedPolyline(side, station).points_at(along) for side in (left, right)]
-    width = float(np.linalg.norm(left - right, axis=1).mean())
-    fraction = (np.arange(0.0, width, WEAR_SAMPLE_STEP_M) + WEAR_SAMPLE_STEP_M / 2) / width
-    points = edges[0][:, None] * (1 - fraction[:, None]) + edges[1][:, None] * fraction[:, None]
+    width, step = lane.width_m, WEAR_SAMPLE_STEP_M
+    along = np.arange(0.0, lane.length_m, step)
+    fraction = (np.arange(0.0, width, step) + step / 2) / width
+    points = lane.points_at(along[:, None], fraction)[..., :2]
     lateral = np.abs(fraction - 0.5) * width
     tyres = np.exp(-(((lateral - TYRE_TRACK_M) / TYRE_TRACK_SIGMA_M) ** 2))
     oil = np.exp(-((lateral / OIL_WIDTH_M) ** 2))
-    waiting = 1 + OIL_BEFORE_STOPS * np.exp(-(station[-1] - along) / STOP_RANGE_M)
+    waiting = 1 + OIL_BEFORE_STOPS * np.exp(-(lane.length_m - along) / STOP_RANGE_M)
     paving = 0.0 if lane.in_junction else create_generator("paving", lane.id).uniform(-1, 1)
     dripped = 0.0 if lane.in_junction else waiting
     columns = (

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 from shapely.ops import substring
 
+from advercity.geometry.draping import DrapeBase
 from advercity.geometry.mesh import (
     GRID_M,
     Mesh,
@@ -56,8 +57,6 @@ MAX_HOLE_M2 = 6.0
 EDGE_STEP_M = 4.0
 """Largest distance between points of paved edges, which take the height of the ground."""
 SIMPLIFY_TOLERANCE_M = 0.02
-MAX_DRAPE_M = 1.5
-"""Greatest difference between the heights of paint and of the asphalt that it is laid on."""
 APPROACH_LENGTH_M = 2.0
 """Length of a street's end that the height of its junction is interpolated from."""
 
@@ -252,13 +251,7 @@ class ImportedSurface:
     def drape(self, areas: Sequence[shapely.Polygon], z_m: Sequence[float]) -> TriangleSurface:
         """Lay convex areas on the asphalt that is at about their heights."""
         asphalt = join_surfaces(self._asphalt)
-        corners = asphalt.vertices[asphalt.triangles]
-        facets = np.array(shapely.polygons(corners[:, [0, 1, 2, 0], :2]))
-        shapes = np.array(areas, dtype=np.object_)
-        area, facet = shapely.STRtree(facets).query(shapes, predicate="intersects")
-        near = np.abs(corners[facet, :, 2].mean(axis=1) - np.array(z_m)[area]) < MAX_DRAPE_M
-        pieces = shapely.intersection(shapes[area[near]], facets[facet[near]])
-        return _lift_to_planes(pieces, corners[facet[near]])
+        return DrapeBase(asphalt.vertices[asphalt.triangles]).drape(areas, z_m)
 
     @cached_property
     def _asphalt(self) -> list[TriangleSurface]:
@@ -307,23 +300,6 @@ def _triangulate_area(
         for cell in (part for shape in cut for part in extract_polygons(shape)):
             corners, triangles = triangulate_polygon(cell)
             yield TriangleSurface(np.column_stack([corners, height(corners)]), triangles)
-
-
-def _lift_to_planes(pieces: NDArray[np.object_], facets: Points) -> TriangleSurface:
-    """Triangulate convex polygons (n,), each in the plane of a triangle (n, 3, 3)."""
-    flat = shapely.get_type_id(pieces) == shapely.GeometryType.POLYGON
-    rings = shapely.get_exterior_ring(shapely.orient_polygons(pieces[flat]))
-    plane, ring = shapely.get_coordinates(rings, return_index=True)
-    corner = facets[flat, 0]
-    normal = np.cross(facets[flat, 1] - corner, facets[flat, 2] - corner)
-    slope = -normal[:, :2] / normal[:, 2:]
-    z = corner[ring, 2] + ((plane - corner[ring, :2]) * slope[ring]).sum(axis=1)
-    first = np.searchsorted(ring, ring)
-    # A fan about the first corner of each ring, whose last corner is the first again.
-    second = np.arange(len(ring) - 1)
-    inside = (second > first[:-1]) & (ring[second] == ring[second + 1])
-    fan = np.stack([first[:-1], second, second + 1], axis=1)[inside]
-    return TriangleSurface(np.column_stack([plane, z]), fan)
 
 
 def _drop_lines(shape: shapely.Geometry) -> BaseGeometry:

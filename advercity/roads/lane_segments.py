@@ -3,12 +3,14 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from advercity_dsl.road import StripKind
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from advercity.geometry import polyline
+from advercity.geometry.polyline import StationedPolyline, polyline_stations
 from advercity.roads.layout import CrossingLayout, RoadLayout
 from advercity.roads.streets import StreetLayout, sumo_edge_id
 
@@ -30,6 +32,28 @@ class LaneSegment:
     left: NDArray[np.float64]
     right: NDArray[np.float64]
     in_junction: bool = False
+
+    @cached_property
+    def length_m(self) -> float:
+        """Length of its middle in the plan."""
+        return float(self._stations_m[-1])
+
+    @cached_property
+    def width_m(self) -> float:
+        """Mean distance between its borders in the plan."""
+        return float(np.linalg.norm((self.left - self.right)[:, :2], axis=1).mean())
+
+    def points_at(self, along_m: ArrayLike, fraction: ArrayLike) -> NDArray[np.float64]:
+        """Interpolate points (..., 3) at stations; 0 is the left border, 1 the right one."""
+        left, right = (
+            StationedPolyline(side, self._stations_m).points_at(along_m)
+            for side in (self.left, self.right)
+        )
+        return left + np.asarray(fraction)[..., None] * (right - left)
+
+    @cached_property
+    def _stations_m(self) -> NDArray[np.float64]:
+        return polyline_stations((self.left + self.right)[:, :2] / 2)
 
 
 LANE_KINDS = {

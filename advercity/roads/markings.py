@@ -1,7 +1,8 @@
 """Paint on the road: lines along streets, stop lines and zebra crossings.
 
 Dimensions follow the Manual on Uniform Traffic Control Devices (2009): normal lines 10 to 15 cm,
-broken lines 3 m with gaps of 9 m, stop lines 30 to 60 cm, bars of crossings 30 to 60 cm.
+broken lines 3 m with gaps of 9 m, dotted ones 0.6 m with gaps of 1.8 m, stop lines 30 to 60 cm,
+bars of crossings 30 to 60 cm.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -12,6 +13,7 @@ from advercity_dsl.road import RoadMark
 from numpy.typing import NDArray
 from shapely.affinity import rotate, translate
 
+from advercity.geometry import polyline
 from advercity.geometry.mesh import (
     Mesh,
     TriangleSurface,
@@ -24,8 +26,9 @@ from advercity.roads.layout import JunctionArm, JunctionLayout, RoadLayout
 from advercity.roads.streets import StreetLayout, StripLayout
 from advercity.semantics import Semantic
 
-MARKING_LIFT = np.array([0.0, 0.0, 0.007])
-"""Height of paint over the roadway: enough for a depth buffer, too little to be seen."""
+MARKING_LIFT = np.array([0.0, 0.0, 0.009])
+"""Height of paint over the roadway, and half of it over inlays: enough for a depth buffer, too
+little to be seen."""
 LINE_WIDTH_M = 0.12
 DOUBLE_GAP_M = 0.12
 DASH_LENGTH_M = 3.0
@@ -42,7 +45,12 @@ ZEBRA_BAR_M = 0.5
 ARROW_FROM_END_M = 4.0
 """Distance from the end of a lane to the middle of its last arrow."""
 ARROW_SPACING_M = 9.4
-ARROW_HALF_LENGTH_M = 1.5
+ARROW_HALF_LENGTH_M, MAX_ARROWS = 1.5, 3
+"""Half the length of an arrow, and the most that a lane has one behind the other."""
+DOT_LENGTH_M, DOT_GAP_M = 0.6, 1.8
+"""Dotted lines, which guide through a junction."""
+LONG_PATH_M, MIN_GUIDED_RAD = 16.0, np.radians(50)
+"""Left turns before signals that are longer, and turn by more, are guided."""
 MAX_STRAIGHT_RAD = np.radians(30)
 """Movements that turn by less get a straight arrow."""
 
@@ -71,7 +79,7 @@ def build_marking_meshes(layout: RoadLayout) -> list[Mesh]:
         for colour, piece in _street_lines(street):
             pieces[colour].append(piece)
     for junction in layout.junctions.values():
-        pieces[WHITE] += [*_stop_lines(junction), *_arrows(junction)]
+        pieces[WHITE] += [*_stop_lines(junction), *_arrows(junction), *_guide_lines(junction)]
         for crossing in junction.crossings:
             start, end = crossing.centre[:, :2]
             pieces[WHITE] += build_zebra_bars(
@@ -197,23 +205,64 @@ def _stop_bar(
 
 
 def _arrows(junction: JunctionLayout) -> Iterator[TriangleSurface]:
-    """Build arrows on declared lanes; they point where the lane's movements lead."""
-    for text in junction.declared.arrows:
-        name, _, number = text.partition(".")
+    """Build arrows on lanes; they point where the lane's movements lead."""
+    for name, number in _list_lanes_with_arrows(junction):
         arm = junction.find_arm(name)
-        lane = arm.street.find_lane(int(number), along=arm.is_street_end)
+        lane = arm.street.find_lane(number, along=arm.is_street_end)
         turns = [
             junction.turn_angle(name, path.movement.to_street)
             for path in junction.connecting_paths
-            if (path.movement.from_street, path.movement.from_lane) == (name, int(number))
+            if (path.movement.from_street, path.movement.from_lane) == (name, number)
         ]
         corners, triangles = triangulate_polygon(_arrow_outline(turns))
         length = float(arm.street.stations[-1])
-        for back in np.arange(ARROW_FROM_END_M, length - ARROW_HALF_LENGTH_M, ARROW_SPACING_M):
+        places = np.arange(ARROW_FROM_END_M, length - ARROW_HALF_LENGTH_M, ARROW_SPACING_M)
+        for place in places[:MAX_ARROWS]:
             ahead = 1.0 if arm.is_street_end else -1.0
-            middle = length - back if arm.is_street_end else back
+            middle = length - place if arm.is_street_end else place
             station, t = middle + ahead * corners[:, 0], lane.centre_t + ahead * corners[:, 1]
             yield TriangleSurface(arm.street.points_at(station, t) + MARKING_LIFT, triangles)
+
+
+def _list_lanes_with_arrows(junction: JunctionLayout) -> list[tuple[str, int]]:
+    """List streets and lanes: those declared, and before signals those of several side by side."""
+    declared = [text.partition(".") for text in junction.declared.arrows]
+    found = {(name, int(number)) for name, _, number in declared}
+    return sorted(found | set(_list_lanes_side_by_side(junction)))
+
+
+def _list_lanes_side_by_side(junction: JunctionLayout) -> Iterator[tuple[str, int]]:
+    """List streets and lanes before signals where an arm has several that arrive."""
+    for arm in junction.arms if junction.declared.control == "signals" else ():
+        lanes = [strip.lane_number for strip in arm.inbound_strips() if strip.lane_number]
+        if len(lanes) > 1:
+            yield from ((arm.street.id, number) for number in lanes)
+
+
+def _guide_lines(junction: JunctionLayout) -> Iterator[TriangleSurface]:
+    """Build dotted lines on the right of long left turns out of one of several lanes."""
+    guided = set(_list_lanes_side_by_side(junction))
+    crossings = [
+        shapely.buffer(shapely.LineString(one.centre[:, :2]), one.width_m / 2 + DOT_LENGTH_M)
+        for one in junction.crossings
+    ]
+    crossed = shapely.union_all(crossings)
+    for path in junction.connecting_paths:
+        turn = junction.turn_angle(path.movement.from_street, path.movement.to_street)
+        border = StationedPolyline.from_points(path.right[:, :2])
+        is_guided = (path.movement.from_street, path.movement.from_lane) in guided
+        if not is_guided or turn < MIN_GUIDED_RAD or border.length_m < LONG_PATH_M:
+            continue
+        step = DOT_LENGTH_M + DOT_GAP_M
+        for start in np.arange(DOT_GAP_M, border.length_m - DOT_LENGTH_M, step):
+            dot = border.points_at([start, start + DOT_LENGTH_M])
+            if shapely.intersects(crossed, shapely.LineString(dot)):
+                continue  # pedestrians' bars have the road there
+            across = LINE_WIDTH_M / 2 * polyline.left_normals(dot[1] - dot[0]) / DOT_LENGTH_M
+            sides = (dot + across, dot - across)
+            yield build_paint(
+                *(np.column_stack([line, junction.height_at(line)]) for line in sides)
+            )
 
 
 def _arrow_outline(turns: Sequence[float]) -> shapely.Polygon:

@@ -5,6 +5,9 @@ from pathlib import Path
 from advercity_dsl import Spec
 
 from advercity.geometry.mesh import build_meshes
+from advercity.roads.ironwork import place_ironwork
+from advercity.roads.pavement_repairs import place_repairs
+from advercity.roads.road_inlays import build_inlay_meshes
 from advercity.roads.road_network import build_road
 from advercity.scene.seasons import apply_season
 from advercity.scene.street_furniture import build_street_furniture
@@ -25,6 +28,7 @@ def build_world(spec: Spec, network: Path) -> World:
         road, ground.height_at, road.paved_area
     )
     paving, roadway = road.meshes, road.roadway_level_area
+    inlays = [*place_repairs(road.lanes, spec.road.id), *place_ironwork(road.lanes, spec.road.id)]
     plants = build_verges(roadway, open_ground, spec.road.id)
     plants += build_street_plants(paving, roadway, spec.road.id)
     verges = build_meshes(plants, "verge_")
@@ -34,6 +38,7 @@ def build_world(spec: Spec, network: Path) -> World:
         id=spec.road.id,
         static=(
             *apply_season([*paving, skirt, earth], open_ground.season),
+            *build_inlay_meshes(inlays, paving),
             *surroundings,
             *apply_season(verges, open_ground.season),
             *furniture,

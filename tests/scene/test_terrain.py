@@ -190,11 +190,11 @@ def test_crossings_and_lines_are_painted(sites: dict[str, Site]) -> None:
     street = plan.streets["north_road"]
     shares = {
         t: np.mean(below(along(street.offset_line(t))[:, :2])[1] == Semantic.ROAD_LINE)
-        for t in (-2.25, -5.75, -4.0)
+        for t in (-2.25, -5.75, -5.2)
     }
     assert shares[-2.25] == 1.0
     assert shares[-5.75] == pytest.approx(0.25, abs=0.04)
-    assert shares[-4.0] < 0.02
+    assert shares[-5.2] < 0.02
 
 
 def test_lines_divide_parking_bays(sites: dict[str, Site]) -> None:

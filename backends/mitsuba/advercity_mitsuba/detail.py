@@ -212,15 +212,15 @@ def _worn_paint(p: Any, polish: Any, footprint: Any) -> Any:
     What is finer than the footprint blends.
     """
     mean, by_tyres, sharp, variance = 0.13, 0.35, 0.06, 0.184
-    wavelength, weight, everything = 0.6, 0.07, 0.0
+    wavelength, weight, everything = 0.25, 0.1, 0.0
     total, lost = mi.Float(0.0), mi.Float(sharp**2)
-    for octave in range(5):
+    for octave in range(4):
         kept = retained_contrast(wavelength, footprint)
         total += weight * kept * value_noise(p / wavelength, 86 + octave)
         lost += variance * weight**2 * (1.0 - kept * kept)
         everything += variance * weight**2
         wavelength *= 0.36
-        weight *= 1.7
+        weight *= 1.6
         p = _turn_lattice(p)
     likely = dr.clip(mean + by_tyres * polish, 0.02, 0.9)
     at = float(np.sqrt(everything + sharp**2)) / LOGISTIC * dr.log(likely / (1.0 - likely))

@@ -73,14 +73,14 @@ vec2 wear(vec2 p, float footprint) {
 float wornPaint(vec2 p, float polish, float footprint) {
   const float WORN = 0.13, BY_TYRES = 0.35, SOFT = 0.06, VARIANCE = 0.184;   // of noise()
   const float SLOPE = 1.702;   // of the logistic law that approximates the normal distribution
-  float wavelength = 0.6, weight = 0.07, sum = 0.0, lost = SOFT * SOFT, all = 0.0;
-  for (int i = 0; i < 5; ++i) {
+  float wavelength = 0.25, weight = 0.1, sum = 0.0, lost = SOFT * SOFT, all = 0.0;
+  for (int i = 0; i < 4; ++i) {
     float kept = retainedContrast(wavelength, footprint);
     if (kept > 0.0) sum += weight * kept * noise(p / wavelength, 86 + i);
     lost += VARIANCE * weight * weight * (1.0 - kept * kept);
     all += VARIANCE * weight * weight;
     wavelength *= 0.36;
-    weight *= 1.7;
+    weight *= 1.6;
     p = LATTICE_TURN * p;
   }
   float likely = clamp(WORN + BY_TYRES * polish, 0.02, 0.9);
