@@ -21,8 +21,8 @@ from advercity.geometry.arrays import Uint8Array
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.pipeline.body_sheet import build_ground, draw_body_sheet, take_photograph
 from advercity.rendering.backend import RENDER_PROFILES, Backend, CameraView, load_backend
-from advercity.traffic.kinematics import compute_lorry_states
 from advercity.traffic.semitrailers import TowedTrailer
+from advercity.traffic.vehicle_motion import compute_lorry_states
 from advercity.traffic.weather_effects import apply_lamp_state
 from advercity.world import World
 

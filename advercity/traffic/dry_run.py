@@ -38,9 +38,9 @@ from advercity.traffic.demand import (
     draw_demand,
     let_others_drive_on,
 )
-from advercity.traffic.kinematics import SumoRecording, build_trace
 from advercity.traffic.route_file import write_route_file
 from advercity.traffic.speed_profile import list_route_lanes
+from advercity.traffic.sumo_recording import SumoRecording, build_trace
 from advercity.traffic.sumo_run import run_sumo
 
 MAX_DRY_RUNS = 40

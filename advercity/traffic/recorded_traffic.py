@@ -20,19 +20,19 @@ from advercity.recordings.bodies import select_blueprint
 from advercity.recordings.track_file import unpack_tracks
 from advercity.recordings.tracks import Track
 from advercity.roads.network_file import read_network
-from advercity.traffic.demand import FIRST_BACKGROUND_VEHICLE
-from advercity.traffic.kinematics import (
+from advercity.traffic.body_states import (
     BodyCurves,
     apply_brake_lamps,
-    build_kerb_height,
     build_states,
     compute_steering,
     round_states,
 )
+from advercity.traffic.demand import FIRST_BACKGROUND_VEHICLE
 from advercity.traffic.motion_spline import MotionSpline, interpolate_smoothly
 from advercity.traffic.paints import CONNECTED_PAINT, draw_paint
 from advercity.traffic.pedestrians import FIRST_BACKGROUND_WALKER
 from advercity.traffic.signal_states import build_program_states
+from advercity.traffic.walking_motion import build_kerb_height
 
 GroundHeight = Callable[[NDArray[np.complex128]], NDArray[np.float64]]
 """Returns heights (n,) in m at points (n,), east + i north."""

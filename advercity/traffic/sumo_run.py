@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from advercity.errors import RunError
 from advercity.roads.lane_graph import LaneGraph
 from advercity.traffic.demand import TrafficDemand, slow_trip
-from advercity.traffic.kinematics import SumoRecording
 from advercity.traffic.route_file import apply_driver_response, compute_limits, find_driving
 from advercity.traffic.speed_profile import SpeedLimiter, SpeedProfile
 from advercity.traffic.sumo_observation import ActorLog, SignalLog
+from advercity.traffic.sumo_recording import SumoRecording
 
 LATERAL_RESOLUTION_M = 0.8
 # Bits of SUMO's speed mode. Default obeys everything. A commanded vehicle still minds its leader,

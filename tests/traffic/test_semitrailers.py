@@ -22,9 +22,9 @@ from advercity.recordings.bodies import select_blueprint
 from advercity.roads.lane_graph import read_lane_graph
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.traffic.demand import draw_demand
-from advercity.traffic.kinematics import compute_lorry_states, compute_vehicle_states
 from advercity.traffic.route_file import write_route_file
 from advercity.traffic.semitrailers import TowedTrailer, build_towed_trailer
+from advercity.traffic.vehicle_motion import compute_lorry_states, compute_vehicle_states
 from tests.shipped import CATALOGUE
 
 LENGTH_M = 6.1
