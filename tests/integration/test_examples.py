@@ -1,4 +1,4 @@
-"""The notebook and the guide to the dataset, run on a small one."""
+"""The notebooks and the guide to the dataset, run on a small one."""
 
 import json
 import re
@@ -26,8 +26,9 @@ def output(
     mpl.use("Agg")
 
 
-def test_the_notebook_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    notebook = json.loads((ROOT / "examples" / "read_dataset.ipynb").read_text())
+def run_notebook(name: str) -> int:
+    """Run the code of an example, and count its figures."""
+    notebook = json.loads((ROOT / "examples" / name).read_text())
     names: dict[str, Any] = {}
     for cell in notebook["cells"]:
         if cell["cell_type"] == "code":
@@ -35,10 +36,21 @@ def test_the_notebook_runs(capsys: pytest.CaptureFixture[str]) -> None:
             exec("".join(cell["source"]), names)
     figures = plt.get_fignums()
     plt.close("all")
-    assert len(figures) == 3
+    return len(figures)
+
+
+def test_the_notebook_of_a_dataset_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_notebook("read_dataset.ipynb") == 3
     out = capsys.readouterr().out
     assert "1 frames of ['rcnj_fog_day_sparse']" in out
     assert re.search(r"^201 van \d+/40 points \{'camera\d': [01]\.", out, re.MULTILINE)
+
+
+def test_the_notebook_of_photographs_measures_images(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_notebook("compare_with_photographs.ipynb") == 3
+    out = capsys.readouterr().out
+    assert re.search(r"^slope -?\d\.\d\d, from -?\d\.\d\d to -?\d\.\d\d$", out, re.MULTILINE)
+    assert re.search(r"^\d+\.\d people and \d+\.\d vehicles per image$", out, re.MULTILINE)
 
 
 def test_the_guide_reads_what_is_there() -> None:
