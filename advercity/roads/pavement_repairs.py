@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from advercity.geometry.polyline import Points, left_normals, unit_vectors
 from advercity.randomness import create_generator
@@ -26,7 +27,7 @@ CRACK_STEP_M, CRACK_TURN_M = 0.3, 0.045
 """Distance of a crack's points, and how far each is from the direction of those before it."""
 LENGTHWISE_M = (3.0, 14.0)
 PATCH_LENGTH_M, PATCH_WIDTH_M, PATCH_MARGIN_M = (0.7, 4.5), (0.6, 1.7), 0.25
-JOINT_FRACTION, JOINT_WIDTH_M, JOINT_OFFSET_M, JOINT_STEP_M = 0.5, 0.03, 0.13, 3.0
+JOINT_FRACTION, JOINT_WIDTH_M, JOINT_OFFSET_M, JOINT_STEP_M = 0.5, 0.03, 0.13, 1.5
 """Fraction of the lanes with a joint that shows on their left, its width, distance from there, and
 the length of its pieces."""
 END_MARGIN_M = 2.0
@@ -35,34 +36,56 @@ END_MARGIN_M = 2.0
 SEAL, JOINT, PATCHES = "bitumen", "asphalt_new", ("asphalt_new", "asphalt_aged")
 
 
-def place_repairs(lanes: Sequence[LaneSegment], key: str) -> list[RoadInlay]:
-    """Place the repairs of all driving lanes, away from crossings; the key is the road's."""
+def place_repairs(
+    lanes: Sequence[LaneSegment], key: str, reserved: BaseGeometry | None = None
+) -> list[RoadInlay]:
+    """Place the repairs of all driving lanes, none over another one.
+
+    Args:
+        lanes: Lanes of a road; repairs keep clear of its crossings.
+        key: Name of the road.
+        reserved: More area that is to stay free.
+    """
     crossings = [lane for lane in lanes if lane.kind == "crossing"]
     outlines = [np.vstack([lane.left, lane.right[::-1]])[:, :2] for lane in crossings]
-    crossed = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
-    shapely.prepare(crossed)
-    found = [
-        inlay
-        for lane in lanes
-        if lane.kind == "driving" and lane.length_m > 3 * END_MARGIN_M
-        for inlay in _repair_lane(lane, key)
-    ]
-    return [inlay for inlay in found if not shapely.intersects(crossed, inlay.outline)]
+    free_of = shapely.union_all([reserved, *(shapely.Polygon(outline) for outline in outlines)])
+    driven = [lane for lane in lanes if lane.kind == "driving" and lane.length_m > 3 * END_MARGIN_M]
+    found: list[RoadInlay] = []
+    for lane in driven:
+        for patch in _lay_patches(lane, key):
+            outline = shapely.union_all([part.outline for part in patch])
+            if not shapely.intersects(free_of, outline):
+                free_of = shapely.union(free_of, outline)
+                found += patch
+    # Bands are interrupted where others have been laid.
+    for lay_bands in (_seal_cracks, _lay_joint):
+        shapely.prepare(free_of)
+        bands = [band for lane in driven for band in lay_bands(lane, key)]
+        laid = [band for band in bands if not shapely.intersects(free_of, band.outline)]
+        free_of = shapely.union_all([free_of, *(band.outline for band in laid)])
+        found += laid
+    return found
 
 
-def _repair_lane(lane: LaneSegment, key: str) -> Iterator[RoadInlay]:
+def _draw_age(lane: LaneSegment, key: str) -> float:
+    """Draw the number of repairs of a lane over the usual one."""
     # Ids of lanes are those of their street and a number.
     street = create_generator("pavement age", key, lane.id.rstrip("0123456789"))
-    draw = create_generator("pavement repairs", key, lane.id)
-    often = street.uniform(*AGE) * (IN_JUNCTION_FRACTION if lane.in_junction else 1.0)
+    return street.uniform(*AGE) * (IN_JUNCTION_FRACTION if lane.in_junction else 1.0)
+
+
+def _lay_patches(lane: LaneSegment, key: str) -> Iterator[list[RoadInlay]]:
+    draw = create_generator("patches", key, lane.id)
+    for at in _draw_stations(lane, PATCH_SPACING_M / _draw_age(lane, key), draw):
+        yield list(_lay_patch(lane, at, draw))
+
+
+def _seal_cracks(lane: LaneSegment, key: str) -> Iterator[RoadInlay]:
+    often, draw = _draw_age(lane, key), create_generator("cracks", key, lane.id)
     for at in _draw_stations(lane, TRANSVERSE_SPACING_M / often, draw):
         yield from _seal_transverse_crack(lane, at, draw)
     for at in _draw_stations(lane, LENGTHWISE_SPACING_M / often, draw):
         yield from _seal_lengthwise_crack(lane, at, draw)
-    for at in _draw_stations(lane, PATCH_SPACING_M / often, draw):
-        yield from _lay_patch(lane, at, draw)
-    if not lane.in_junction and draw.uniform() < JOINT_FRACTION:
-        yield from _lay_joint(lane)
 
 
 def _draw_stations(lane: LaneSegment, spacing_m: float, draw: np.random.Generator) -> Points:
@@ -156,8 +179,11 @@ def _lay_rectangle(
     return RoadInlay(material, outline, float(corners[:, 2].mean()))
 
 
-def _lay_joint(lane: LaneSegment) -> Iterator[RoadInlay]:
-    """Lay the joint of two passes of the paver along the left border of a lane."""
+def _lay_joint(lane: LaneSegment, key: str) -> Iterator[RoadInlay]:
+    """Lay the joint of two passes of the paver along the left border of some lanes."""
+    is_seen = create_generator("joints", key, lane.id).uniform() < JOINT_FRACTION
+    if lane.in_junction or not is_seen:
+        return
     along = np.append(np.arange(0.0, lane.length_m, JOINT_STEP_M), lane.length_m)
     line = lane.points_at(along, JOINT_OFFSET_M / lane.width_m)
     yield from _lay_ribbon(line, np.full(len(line), JOINT_WIDTH_M / 2), JOINT)

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import shapely
 from advercity_dsl import Spec
 
 from advercity.geometry.mesh import build_meshes
@@ -28,7 +29,9 @@ def build_world(spec: Spec, network: Path) -> World:
         road, ground.height_at, road.paved_area
     )
     paving, roadway = road.meshes, road.roadway_level_area
-    inlays = [*place_repairs(road.lanes, spec.road.id), *place_ironwork(road.lanes, spec.road.id)]
+    ironwork = place_ironwork(road.lanes, spec.road.id)
+    reserved = shapely.union_all([item.outline for item in ironwork])
+    inlays = [*ironwork, *place_repairs(road.lanes, spec.road.id, reserved)]
     plants = build_verges(roadway, open_ground, spec.road.id)
     plants += build_street_plants(paving, roadway, spec.road.id)
     verges = build_meshes(plants, "verge_")

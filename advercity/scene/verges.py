@@ -25,7 +25,7 @@ from advercity.randomness import create_generator
 from advercity.scene.site import Site
 from advercity.semantics import Semantic
 
-VERGE_M, TUFTS_PER_M, BLADES_PER_TUFT, MAX_TUFTS = 3.0, 46.0, 7, 60_000
+VERGE_M, TUFTS_PER_M, BLADES_PER_TUFT, MAX_TUFTS = 3.0, 60.0, 7, 76_000
 """Width of the strip along paved edges that has tufts of grass, and how many."""
 DRY_FRACTION = 0.16
 """Fraction of the tufts that have withered."""

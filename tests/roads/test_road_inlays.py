@@ -62,6 +62,15 @@ def test_repairs_keep_clear_of_crossings_and_of_the_borders_of_lanes():
         assert np.abs(shapely.get_coordinates(patch.outline)[:, 1]).max() < 1.6
 
 
+def test_no_repair_lies_over_another_one_or_on_what_is_reserved():
+    found = place_repairs([lane()], "key", shapely.box(100, -2, 120, 2))
+    assert not any(shapely.intersects(item.outline, shapely.box(100, -2, 120, 2)) for item in found)
+    patches = [item.outline for item in found if item.material != "bitumen"]
+    bands = [item.outline for item in found if item.material == "bitumen"]
+    overlap = shapely.area(shapely.intersection(shapely.union_all(patches), bands))
+    assert overlap.max() < 1e-6
+
+
 def test_streets_of_different_age_have_different_numbers_of_repairs():
     counts = {len(place_repairs([lane(name=f"street{n}+.1")], "key")) for n in range(6)}
     assert max(counts) > 2 * min(counts)

@@ -109,7 +109,7 @@ def paint_grass(tile: Tile) -> Surface:
         is_there = (blades.label >= 0) & (tile.draw(f"grows{layer}", blades) < density)
         colour[:, is_there] = green[:, is_there]
         height = np.where(is_there, level_m * (0.6 + 0.4 * blades.along), height)
-    colour *= np.clip(1 + 0.08 * tufts - 0.1 * gaps, 0.35, 1.8)
+    colour *= np.clip(1 + 0.13 * tufts - 0.15 * gaps, 0.35, 1.8)
     height = height + 0.004 * tufts
     return Surface(colour, height.astype(np.float32), np.ones_like(height, np.float32))
 

@@ -19,7 +19,7 @@ from advercity.rendering.ground_maps import (
 )
 from advercity.rendering.surface_weather import compute_surface_weather
 from advercity.world import World
-from advercity_mitsuba.noise import retained_contrast, smoothstep, value_noise
+from advercity_mitsuba.noise import hash_cell, retained_contrast, smoothstep, value_noise
 from advercity_mitsuba.reflection import VARNISH_INDEX, Surface
 from advercity_mitsuba.variant import dr, mi
 
@@ -162,11 +162,27 @@ def _standing_water(w: WeatherTables, kind: Any, p: Any, n: Any, footprint: Any)
 
 
 def _ripple_normal(w: WeatherTables, p: Any, footprint: Any) -> Any:
+    """Compute the normal of standing water in rain: rings of waves around drops, as shaders do."""
+    layers, cell_m, length_m, width_m = 5, 0.13, 0.03, 0.022
+    reach, off_middle, edge, deviation = 0.3, 0.1, 0.1, 0.301
     slope = w.numbers["ripple_slope"] * retained_contrast(RIPPLE_WAVELENGTH_M, footprint)
-    q, salt = mi.Point2f(p.x, p.y) / RIPPLE_WAVELENGTH_M, 200 + 2 * w.frame_index
-    return dr.normalize(
-        mi.Vector3f(slope * 2.0 * value_noise(q, salt), slope * 2.0 * value_noise(q, salt + 1), 1.0)
-    )
+    total = mi.Vector2f(0.0)
+    for layer in range(layers):
+        q = mi.Vector2f(p.x / cell_m + 0.37 * layer, p.y / cell_m + 0.61 * layer)
+        cell = dr.floor(q)
+        f = q - cell
+        salt = 200 + 3 * (layers * w.frame_index + layer)
+        i = mi.Vector2i(cell)
+        drawn = [hash_cell(i.x, i.y, salt + number) for number in range(3)]
+        away = f - 0.5 - off_middle * mi.Vector2f(drawn[0], drawn[1])
+        age = 0.5 + 0.5 * drawn[2]
+        far = dr.norm(away)
+        behind = cell_m * (far - reach * age)
+        rim = dr.minimum(f, 1.0 - f) / edge
+        wave = dr.sin(2.0 * dr.pi * behind / length_m) * dr.exp(-dr.square(behind / width_m))
+        wave *= dr.sqrt(1.0 - age) * dr.minimum(dr.min(rim), 1.0)
+        total += wave / dr.maximum(far, 1e-3) * away
+    return dr.normalize(mi.Vector3f(slope / deviation * total.x, slope / deviation * total.y, 1.0))
 
 
 def _snowfall_fraction(w: WeatherTables, p: Any) -> Any:

@@ -38,13 +38,27 @@ float standingWater(int kind, vec3 p, vec3 n, float footprint) {
   return 1.0 / (1.0 + exp(LOGISTIC * (height - level) / soft));
 }
 
-// Normal of standing water in rain; other ripples in every frame.
+// Normal of standing water in rain; other ripples in every frame. Layers of cells have a drop each, around
+// which a ring of waves has spread as far as its age lets it, and fades.
 vec3 rippleNormal(vec3 p, float footprint) {
+  const int LAYERS = 5;
+  const float CELL = 0.13, LENGTH = 0.03, WIDTH = 0.022, REACH = 0.3, OFF_MIDDLE = 0.1, EDGE = 0.1;
+  const float DEVIATION = 0.301;   // of the sum of all layers along one axis
   float slope = rippleSlope() * retainedContrast(RIPPLE_WAVELENGTH, footprint);
   if (slope <= 0.0) return vec3(0.0, 0.0, 1.0);
-  int salt = 200 + 2 * int(frameIndex());
-  vec2 q = p.xy / RIPPLE_WAVELENGTH;
-  return normalize(vec3(slope * 2.0 * vec2(noise(q, salt), noise(q, salt + 1)), 1.0));
+  vec2 sum = vec2(0.0);
+  for (int i = 0; i < LAYERS; ++i) {
+    vec2 q = p.xy / CELL + float(i) * vec2(0.37, 0.61);
+    vec2 cell = floor(q), f = q - cell;
+    int salt = 200 + 3 * (LAYERS * int(frameIndex()) + i);
+    vec2 away = f - 0.5 - OFF_MIDDLE * vec2(hashUnit(cell, salt), hashUnit(cell, salt + 1));
+    float age = 0.5 + 0.5 * hashUnit(cell, salt + 2);
+    float far = length(away), behind = CELL * (far - REACH * age);
+    vec2 rim = min(f, 1.0 - f) / EDGE;
+    float wave = sin(2.0 * PI * behind / LENGTH) * exp(-behind * behind / (WIDTH * WIDTH));
+    sum += wave * sqrt(1.0 - age) * min(min(rim.x, rim.y), 1.0) / max(far, 1e-3) * away;
+  }
+  return normalize(vec3(slope / DEVIATION * sum, 1.0));
 }
 
 // Fraction of falling snow that arrives at a point, less under trees and roofs. Five samples soften
