@@ -138,6 +138,23 @@ def without_surroundings(spec: Spec) -> Spec:
     )
 
 
+def ask_for_instances(spec: Spec) -> Spec:
+    """Ask for images of actors' ids of all cameras."""
+    agents = tuple(
+        agent.model_copy(
+            update={
+                "sensors": agent.sensors.model_copy(
+                    update={
+                        "camera": agent.sensors.camera.model_copy(update={"truth": ("instance",)})
+                    }
+                )
+            }
+        )
+        for agent in spec.agents
+    )
+    return with_digest(spec.model_copy(update={"agents": agents}))
+
+
 def frame_of(spec: Spec, index: int) -> Frame:
     time_s = (spec.timing.warm_up_ticks + 1 + index) * spec.timing.tick_s
     states = tuple(state_of(actor, index * spec.timing.tick_s) for actor in ACTORS)

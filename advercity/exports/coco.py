@@ -8,6 +8,7 @@
 Boxes enclose the visible pixels. As in COCO, a rider is a person of its own, and the box of a
 two-wheeler holds the machine alone. That, masks and panoptic images need images of actors' ids,
 which a rig asks for with `truth: [instance]`; without them there are boxes alone, around both.
+A tractor unit and its semi-trailer are one truck, as in COCO and Cityscapes.
 """
 
 from __future__ import annotations
@@ -55,6 +56,8 @@ FIRST_STUFF_SEGMENT = 1 << 23
 """Segment of semantic tag 0; ids of actors are below."""
 FIRST_RIDER_SEGMENT = 3 << 22
 """Segment of the rider of actor 0."""
+LEAST_FRACTION = 5e-5
+"""Below it, a dataset's fractions of four decimals are 0."""
 Json = dict[str, Any]
 
 
@@ -140,14 +143,34 @@ def _write_images(frame: FrameView, number: int, files: PieceFiles) -> None:
 
 def _read_segments(shot: Shot) -> NDArray[np.int32]:
     """Read the segments (h, w): actors, their riders, and all else by class; 0 is unlabelled."""
-    instance = shot.view.instance(shot.camera)
+    instance = _read_instance(shot)
     tags = shot.view.semantic(shot.camera).astype(np.int32)
     stuff = np.where(tags > 0, tags + FIRST_STUFF_SEGMENT, 0)
-    objects = shot.view.extras["objects"]
-    ridden = [int(name) for name, one in objects.items() if one["class"] in RIDDEN_CLASSES]
+    ridden = [
+        number
+        for number, (one, *_) in _group_objects(shot).items()
+        if one["class"] in RIDDEN_CLASSES
+    ]
     is_rider = np.isin(instance, ridden) & (tags == Semantic.PEDESTRIAN)
     actors = instance + FIRST_RIDER_SEGMENT * is_rider
     return np.where(instance > 0, actors, stuff).astype(np.int32)
+
+
+def _read_instance(shot: Shot) -> NDArray[np.int32]:
+    """Read the ids (h, w) of actors, in which a semi-trailer has that of its tractor unit."""
+    instance = shot.view.instance(shot.camera).copy()
+    for name, described in shot.view.extras["objects"].items():
+        if "towed_by" in described:
+            instance[instance == int(name)] = described["towed_by"]
+    return instance
+
+
+def _group_objects(shot: Shot) -> dict[int, list[Json]]:
+    """Group the objects of a view by id, a semi-trailer with its tractor unit."""
+    groups: dict[int, list[Json]] = {}
+    for name, described in shot.view.extras["objects"].items():
+        groups.setdefault(described.get("towed_by", int(name)), []).append(described)
+    return groups
 
 
 def _iterate_shots(dataset: Dataset, files: PieceFiles) -> Iterator[Shot]:
@@ -272,15 +295,15 @@ def _describe_objects(shot: Shot) -> Iterator[Json]:
     detecting them is no error, and missing them neither.
     """
     segments = _read_segments(shot) if shot.has_masks else None
-    objects = shot.view.extras["objects"]
     annotated: set[int] = set()
-    for name, described in objects.items():
-        shown = described["cameras"].get(f"camera{shot.camera}")
-        if shown is None or shown["visible_box"] is None:
+    for number, group in _group_objects(shot).items():
+        cameras = [one["cameras"].get(f"camera{shot.camera}") for one in group]
+        seen = [one for one in cameras if one is not None and one["visible_box"] is not None]
+        if not seen:
             continue
-        number = int(name)
         annotated.add(number)
-        for kind, outline in _outline_parts(number, described["class"], shown, segments):
+        shown = _join_views(seen)
+        for kind, outline in _outline_parts(number, group[0]["class"], shown, segments):
             yield {
                 "image_id": shot.id,
                 "category_id": CATEGORIES["pedestrian" if kind == "rider" else kind][0],
@@ -292,6 +315,31 @@ def _describe_objects(shot: Shot) -> Iterator[Json]:
             }
     if segments is not None:
         yield from _describe_crowds(shot, annotated)
+
+
+def _join_views(seen: Sequence[Json]) -> Json:
+    """Join what an image shows of one object, or of a tractor unit and its semi-trailer.
+
+    Their outlines add up: they overlap little, and one that is hidden altogether is left out.
+    """
+    if len(seen) == 1:
+        return seen[0]
+    boxes = np.array([one["visible_box"] for one in seen])
+    visible_px = sum(one["visible_px"] for one in seen)
+    outlines_px = [one["visible_px"] / max(one["visible_fraction"], LEAST_FRACTION) for one in seen]
+    inside_px = sum(
+        px * (1.0 - one["truncation"]) for px, one in zip(outlines_px, seen, strict=True)
+    )
+    shares = {
+        "visible_fraction": visible_px / sum(outlines_px),
+        "occlusion": 1.0 - visible_px / inside_px,
+        "truncation": 1.0 - inside_px / sum(outlines_px),
+    }
+    return {
+        "visible_px": visible_px,
+        "visible_box": [*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist()],
+        **{name: round(float(np.clip(share, 0.0, 1.0)), 4) for name, share in shares.items()},
+    }
 
 
 def _outline_parts(
@@ -322,7 +370,7 @@ def _outline_mask(mask: NDArray[np.bool_]) -> Json:
 
 
 def _describe_crowds(shot: Shot, annotated: set[int]) -> Iterator[Json]:
-    instance, tags = shot.view.instance(shot.camera), shot.view.semantic(shot.camera)
+    instance, tags = _read_instance(shot), shot.view.semantic(shot.camera)
     for number in np.unique(instance).tolist():
         if number == 0 or number in annotated:
             continue
@@ -358,18 +406,18 @@ def _encode_mask(mask: NDArray[np.bool_]) -> Json:
 
 def _describe_segments(shot: Shot) -> Iterator[Json]:
     segments = _read_segments(shot)
-    tags, objects = shot.view.semantic(shot.camera), shot.view.extras["objects"]
+    tags, groups = shot.view.semantic(shot.camera), _group_objects(shot)
     for number in np.unique(segments).tolist():
         if number == 0:
             continue
         mask = segments == number
-        described = objects.get(str(number))
+        group = groups.get(number)
         if number >= FIRST_RIDER_SEGMENT:
             category = CATEGORIES["pedestrian"][0]
         elif number >= FIRST_STUFF_SEGMENT:
             category = FIRST_STUFF_CATEGORY + number - FIRST_STUFF_SEGMENT
-        elif described is not None:
-            category = CATEGORIES[described["class"]][0]
+        elif group is not None:
+            category = CATEGORIES[group[0]["class"]][0]
         else:
             category = _guess_category(tags[mask])
         yield {
@@ -377,5 +425,5 @@ def _describe_segments(shot: Shot) -> Iterator[Json]:
             "category_id": category,
             "area": int(mask.sum()),
             "bbox": measure_box(mask),
-            "iscrowd": int(number < FIRST_STUFF_SEGMENT and described is None),
+            "iscrowd": int(number < FIRST_STUFF_SEGMENT and group is None),
         }

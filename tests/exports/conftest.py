@@ -13,6 +13,7 @@ from advercity.sensors.measurements import RadarDetections
 from advercity.sensors.sensor_frame import RadarScan, SensorFrame
 from tests.builders import (
     SensorFramesOf,
+    ask_for_instances,
     frame_of,
     mounted_at,
     sensor_frame_of,
@@ -47,22 +48,10 @@ def with_radar_scan(sensor_frame: SensorFrame) -> SensorFrame:
 @pytest.fixture(scope="session")
 def masked_dataset(tmp_path_factory: pytest.TempPathFactory, spec: Spec) -> Path:
     """Two frames of agents whose cameras have images of actors' ids."""
-    agents = tuple(
-        agent.model_copy(
-            update={
-                "sensors": agent.sensors.model_copy(
-                    update={
-                        "camera": agent.sensors.camera.model_copy(update={"truth": ("instance",)})
-                    }
-                )
-            }
-        )
-        for agent in spec.agents
-    )
-    asking = with_digest(spec.model_copy(update={"agents": agents}))
+    asking = ask_for_instances(spec)
 
     def sensor_frames(index: int) -> tuple[SensorFrame, ...]:
-        return tuple(sensor_frame_of(agent, frame_of(asking, index)) for agent in agents)
+        return tuple(sensor_frame_of(agent, frame_of(asking, index)) for agent in asking.agents)
 
     root = tmp_path_factory.mktemp("masks")
     write_scenario(root, asking, sensor_frames, frames=2)

@@ -12,7 +12,6 @@ import pytest
 import yaml
 from advercity_dsl import Spec
 
-from advercity.compiler import with_digest
 from advercity.dataset.reader import open_dataset
 from advercity.exports.exporting import export_dataset
 from advercity.exports.openscenario import format_scenario
@@ -21,7 +20,13 @@ from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.preparation import TrafficResult, load_or_simulate_traffic
-from tests.builders import WORLD_FROM_STREET, frame_of, sensor_frame_of, write_scenario
+from tests.builders import (
+    WORLD_FROM_STREET,
+    ask_for_instances,
+    frame_of,
+    sensor_frame_of,
+    write_scenario,
+)
 from tests.shipped import CATALOGUE
 
 TRACTOR, TRAILER = 1001, 101_001
@@ -51,7 +56,7 @@ def build_frame(spec: Spec, index: int) -> Frame:
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory, spec: Spec) -> Path:
     root = tmp_path_factory.mktemp("lorry")
-    digested = with_digest(spec)
+    digested = ask_for_instances(spec)
     write_scenario(
         root,
         digested,
@@ -118,6 +123,32 @@ def test_kitti_has_trailers_among_its_miscellaneous(dataset: Path, tmp_path: Pat
     assert ("Misc", 13.6) in lengths
     assert ("Truck", 6.1) in lengths
     assert ("Truck", 13.6) not in lengths
+
+
+def test_coco_has_one_truck_of_both(dataset: Path, tmp_path: Path):
+    folder = export_dataset("coco", dataset, tmp_path / "out").output
+    coco = load_json(folder, "instances.json")
+    trucks = {row["image_id"]: row for row in coco["annotations"] if row["object_id"] == TRACTOR}
+    assert all(row["object_id"] != TRAILER for row in coco["annotations"])
+    scenario = open_dataset(dataset).scenarios[0]
+    joined = 0
+    for image in coco["images"]:
+        view = scenario.frame(image["frame"])[image["agent"]]
+        instance = view.instance(image["camera"])
+        area = np.isin(instance, (TRACTOR, TRAILER)).sum()
+        assert (image["id"] in trucks) == (area > 0)
+        if area > 0:
+            truck = trucks[image["id"]]
+            assert (truck["category_id"], truck["iscrowd"], truck["area"]) == (8, 0, area)
+            parts = [
+                view.extras["objects"][str(number)]["cameras"][f"camera{image['camera']}"]
+                for number in (TRACTOR, TRAILER)
+                if (instance == number).any()
+            ]
+            shares = [part["visible_fraction"] for part in parts]
+            assert min(shares) - 1e-4 <= truck["visible_fraction"] <= max(shares) + 1e-4
+            joined += len(parts) == 2
+    assert joined > 0
 
 
 def test_openlabel_has_who_tows(dataset: Path, tmp_path: Path):
