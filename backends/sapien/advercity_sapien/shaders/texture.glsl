@@ -109,8 +109,8 @@ vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
   }
   if (kind == TEXTURE_GRASS) {
     float tone = 0.35 * octave(q, 0.035, f, 1) + 0.28 * octave(q, 0.16, f, 2)
-        + 0.26 * octave(q, 0.75, f, 3) + 0.20 * octave(q, 1.9, f, 4) + 0.11 * octave(q, 7.7, f, 7);
-    float hue = 0.14 * octave(q, 0.9, f, 8) + 0.14 * octave(q, 3.1, f, 5)
+        + 0.32 * octave(q, 1.1, f, 3) + 0.24 * octave(q, 2.3, f, 4) + 0.13 * octave(q, 7.7, f, 7);
+    float hue = 0.14 * octave(q, 1.3, f, 8) + 0.14 * octave(q, 3.1, f, 5)
         + 0.10 * octave(q, 11.0, f, 9) + 0.10 * octave(q, 31.0, f, 6);
     return vec3(1.0) + tone + hue * PLANT_HUE;
   }
