@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, wraps
-from typing import Generic, TypeVar
+from typing import Concatenate, Generic, ParamSpec, TypeVar
 
+ArgumentsT = ParamSpec("ArgumentsT")
 RecordT = TypeVar("RecordT")
 ResultT = TypeVar("ResultT")
 
@@ -24,17 +25,27 @@ class _Identity(Generic[RecordT]):
 
 def cache_by_identity(
     maxsize: int,
-) -> Callable[[Callable[[RecordT], ResultT]], Callable[[RecordT], ResultT]]:
-    """Return a decorator that keeps a function's results of the `maxsize` last used records."""
+) -> Callable[
+    [Callable[Concatenate[RecordT, ArgumentsT], ResultT]],
+    Callable[Concatenate[RecordT, ArgumentsT], ResultT],
+]:
+    """Return a decorator that keeps the `maxsize` last used results of a function of a record.
 
-    def decorate(function: Callable[[RecordT], ResultT]) -> Callable[[RecordT], ResultT]:
+    Its other arguments must have a hash.
+    """
+
+    def decorate(
+        function: Callable[Concatenate[RecordT, ArgumentsT], ResultT],
+    ) -> Callable[Concatenate[RecordT, ArgumentsT], ResultT]:
         @lru_cache(maxsize)
-        def compute(identity: _Identity[RecordT]) -> ResultT:
-            return function(identity.record)
+        def compute(
+            identity: _Identity[RecordT], *args: ArgumentsT.args, **kwargs: ArgumentsT.kwargs
+        ) -> ResultT:
+            return function(identity.record, *args, **kwargs)
 
         @wraps(function)
-        def call(record: RecordT) -> ResultT:
-            return compute(_Identity(record))
+        def call(record: RecordT, *args: ArgumentsT.args, **kwargs: ArgumentsT.kwargs) -> ResultT:
+            return compute(_Identity(record), *args, **kwargs)
 
         return call
 

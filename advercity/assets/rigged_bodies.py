@@ -15,6 +15,8 @@ from advercity.world import Body, Gait
 
 POSES_PER_CYCLE = 16
 """Poses of a gait; between two of them the whole body is shifted, so that feet do not slide."""
+_KEPT_POSES = 2048
+"""Poses whose vertices are kept: those of 128 people, some 75 MB."""
 _FIT_ITERATIONS = 4
 _ROUNDING_M = 1e-4
 """More than places of points differ by rounding."""
@@ -136,11 +138,19 @@ def pose_body(body: Body, pose: int | None) -> tuple[Mesh, ...]:
     )
 
 
+@cache_by_identity(maxsize=_KEPT_POSES)
 def pose_vertices(body: Body, pose: int | None) -> Float32Array:
-    """Compute the vertices (n, 3) of all parts of `pose_body` in sequence."""
-    if pose is None or body.gait is None:
-        return _join_vertices(body.parts)
-    return _build_body_skin(body).move(body.gait.bone_transforms[pose])
+    """Compute the vertices (n, 3) of all parts of `pose_body` in sequence; they are read-only.
+
+    Whoever walks returns to the same few poses every second, so they are kept.
+    """
+    vertices = (
+        _join_vertices(body.parts)
+        if pose is None or body.gait is None
+        else _build_body_skin(body).move(body.gait.bone_transforms[pose])
+    )
+    vertices.flags.writeable = False
+    return vertices
 
 
 def _join_vertices(parts: Sequence[Mesh]) -> Float32Array:

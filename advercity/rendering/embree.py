@@ -166,12 +166,12 @@ class EmbreeScene:
             normal=np.empty((3, count), np.float32).T,  # columns are faster to fill than rows
         )
         rows = np.arange(count) if ray_order is None else ray_order
+        # Copies of the last ray fill up the last packet.
+        rows = np.append(rows, np.repeat(rows[-1:], -count % _RAYS_PER_PACKET))
         floats, integers = self._packets.floats, self._packets.integers
         for first in range(0, count, _PACKETS_PER_BATCH * _RAYS_PER_PACKET):
-            some = rows[first : first + _PACKETS_PER_BATCH * _RAYS_PER_PACKET]
-            packets = -(-len(some) // _RAYS_PER_PACKET)
-            # Copies of the last ray fill up the last packet.
-            lanes = np.append(some, np.repeat(some[-1:], packets * _RAYS_PER_PACKET - len(some)))
+            lanes = rows[first : first + _PACKETS_PER_BATCH * _RAYS_PER_PACKET]
+            packets = len(lanes) // _RAYS_PER_PACKET
             floats[:packets, _ORIGIN] = _to_packets(origins.take(lanes, axis=0))
             floats[:packets, _DIRECTION] = _to_packets(directions.take(lanes, axis=0))
             floats[:packets, _TIME] = 1.0
@@ -182,11 +182,11 @@ class EmbreeScene:
             floats[:packets, _NORMAL] = 0.0
             integers[:packets, _HIT] = -1
             self._packets.cast(self._scene, packets)
-            hits.instance[some] = integers[:packets, _INSTANCE_ID].reshape(-1)[: len(some)]
-            hits.triangle[some] = integers[:packets, _PRIMITIVE_ID].reshape(-1)[: len(some)]
-            hits.range_m[some] = floats[:packets, _FAR].reshape(-1)[: len(some)]
-            for axis, values in enumerate(floats[:packets, _NORMAL].swapaxes(0, 1)):
-                hits.normal[some, axis] = values.reshape(-1)[: len(some)]
+            hits.instance[lanes] = integers[:packets, _INSTANCE_ID].ravel()
+            hits.triangle[lanes] = integers[:packets, _PRIMITIVE_ID].ravel()
+            hits.range_m[lanes] = floats[:packets, _FAR].ravel()
+            for axis, column in enumerate(hits.normal.T):
+                column[lanes] = floats[:packets, _NORMAL][:, axis].ravel()
         return hits
 
 

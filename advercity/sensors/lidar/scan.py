@@ -138,11 +138,8 @@ def _build_rays(
 def _rotate_vectors(vectors: FloatArray, rotation: FloatArray) -> FloatArray:
     """Rotate vectors (n, 3) by a matrix (3, 3)."""
     # Column by column: a BLAS call would start threads and wait for them.
-    x, y, z = vectors.T
-    rotated = np.empty_like(vectors)
-    for axis, (by_x, by_y, by_z) in enumerate(rotation):
-        rotated[:, axis] = by_x * x + by_y * y + by_z * z
-    return rotated
+    x, y, z = np.ascontiguousarray(vectors.T)
+    return np.stack([by_x * x + by_y * y + by_z * z for by_x, by_y, by_z in rotation], axis=1)
 
 
 def _split_pose(matrix: Matrix) -> tuple[Matrix, Matrix]:
@@ -154,7 +151,7 @@ def _cast_through_glass(
 ) -> tuple[SecondaryHits, ...]:
     """Continue rays that hit glass, pane by pane."""
     found: list[SecondaryHits] = []
-    ray = np.flatnonzero(IS_GLASS[hits.material] & np.isfinite(hits.range_m))
+    ray = np.flatnonzero(IS_GLASS.take(hits.material) & np.isfinite(hits.range_m))
     pane_m = hits.range_m[ray]
     transmittance = np.ones(len(ray), np.float32)
     while len(ray) and len(found) < MAX_GLASS_PANES:
@@ -162,7 +159,7 @@ def _cast_through_glass(
         start_m = pane_m + np.float32(_RAY_EPSILON_M)
         behind = _cast_secondary(rays.select(ray), start_m, None, raycaster, range_m)
         found.append(SecondaryHits(ray, transmittance, behind))
-        again = np.flatnonzero(IS_GLASS[behind.material] & np.isfinite(behind.range_m))
+        again = np.flatnonzero(IS_GLASS.take(behind.material) & np.isfinite(behind.range_m))
         ray, transmittance = ray[again], transmittance[again]
         pane_m = behind.range_m[again]
     return tuple(found)
