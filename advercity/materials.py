@@ -38,6 +38,9 @@ class Texture(IntEnum):
     MARKING = 13
     SLABS = 14
     CROWN = 15
+    ROOM = 16
+    SHOP = 17
+    """What is seen of a room or a shop behind a pane; by night its lamp may light it."""
 
 
 @dataclass(frozen=True)
@@ -178,8 +181,16 @@ def _car_paint(
     )
 
 
-def _pane(albedo: tuple[float, float, float]) -> Material:
-    return Material(albedo, 0.02, GLASS_77GHZ, GLASS_LWIR, roughness=0.05, is_transparent=True)
+def _pane(albedo: tuple[float, float, float], texture: Texture = Texture.PLAIN) -> Material:
+    return Material(
+        albedo,
+        0.02,
+        GLASS_77GHZ,
+        GLASS_LWIR,
+        roughness=0.05,
+        texture=texture,
+        is_transparent=True,
+    )
 
 
 MATERIALS: dict[str, Material] = {
@@ -314,12 +325,13 @@ MATERIALS: dict[str, Material] = {
         (0.45, 0.45, 0.46), 0.30, METAL_77GHZ, BARE_METAL_LWIR, roughness=0.4, metallic=0.9
     ),
     "glass": _pane((0.03, 0.035, 0.04)),
-    # Panes and blinds before rooms that are lit by night, which have the colours of lamps of 2700
-    # and 4000 K, on walls that are not quite white; panes are as dark as any by day.
-    "room_warm": _pane((0.060, 0.028, 0.0076)),
-    "room_cool": _pane((0.048, 0.032, 0.018)),
-    "room_shop": _pane((0.048, 0.032, 0.018)),
-    "room_blind": Material((0.60, 0.50, 0.36), 0.75, CLOTH_77GHZ, CLOTH_LWIR),
+    # Panes before rooms that nobody lights by night, and before those that are lit, which have the
+    # colours of lamps of 2700 and 4000 K, on walls that are not quite white.
+    "room_dark": _pane((0.03, 0.03, 0.03), Texture.ROOM),
+    "shop_dark": _pane((0.06, 0.06, 0.06), Texture.SHOP),
+    "room_warm": _pane((0.060, 0.028, 0.0076), Texture.ROOM),
+    "room_cool": _pane((0.048, 0.032, 0.018), Texture.ROOM),
+    "room_shop": _pane((0.048, 0.032, 0.018), Texture.SHOP),
     "rubber": Material((0.025, 0.025, 0.025), 0.04, RUBBER_77GHZ, RUBBER_LWIR),
     "black_plastic": Material((0.04, 0.04, 0.04), 0.06, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.5),
     "plastic_orange": Material((0.70, 0.15, 0.02), 0.60, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.6),

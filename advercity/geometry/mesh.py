@@ -65,7 +65,8 @@ class Mesh:
             rigid meshes.
         wheel: The wheel that it turns with, or None.
         uv: (n, 2) float32 metres to the right and up on the images of its material, or None: images
-            then lie over a static mesh along the world's axes.
+            then lie over a static mesh along the world's axes. Panes of rooms have codes of
+            `scene.rooms` instead.
         layer: What of a body it is.
         maps: Name of images of its own, in place of those of its material; empty for none.
     """
@@ -244,7 +245,8 @@ def repeat_surface(
         normals = normalize(turned).reshape(-1, 3)
     step = len(surface.vertices) * np.arange(count)
     triangles = surface.triangles + step[:, None, None]
-    return TriangleSurface(vertices.reshape(-1, 3), triangles.reshape(-1, 3), normals)
+    uv = None if surface.uv is None else np.tile(surface.uv, (count, 1))
+    return TriangleSurface(vertices.reshape(-1, 3), triangles.reshape(-1, 3), normals, uv)
 
 
 def _rotate_about_z(points: Float64Array, yaw: Float64Array) -> Float64Array:

@@ -36,7 +36,6 @@ class LensKind(IntEnum):
     ROOM_WARM = 8
     ROOM_COOL = 9
     ROOM_SHOP = 10
-    ROOM_BLIND = 11
 
 
 LENS_COUNT = 1 + len(LensKind)
@@ -45,10 +44,10 @@ LENS_KINDS = {kind.name.lower(): kind for kind in LensKind}
 """Kinds by material."""
 TAIL_LAMP_KCD_M2 = 1.2
 """Luminance of a red lens per albedo as a tail lamp, which is on with the low beam."""
-WARM_CD_M2, COOL_CD_M2, SHOP_CD_M2, BLIND_CD_M2 = 4.0, 8.0, 40.0, 2.4
+WARM_CD_M2, COOL_CD_M2, SHOP_CD_M2 = 4.0, 8.0, 40.0
 """Luminance of windows from outside: walls that reflect half of 30 and 60 lx, assumptions for
 living rooms and kitchens in the evening, and of 300 lx in shops (EN 12464-1, sales areas), behind
-panes that let 85 % through; blinds that transmit a quarter of 30 lx."""
+panes that let 85 % through."""
 
 
 def _per_albedo(luminance_cd_m2: float, material: str) -> float:
@@ -68,10 +67,9 @@ LENS_KCD_M2 = {
     LensKind.ROOM_WARM: _per_albedo(WARM_CD_M2, "room_warm"),
     LensKind.ROOM_COOL: _per_albedo(COOL_CD_M2, "room_cool"),
     LensKind.ROOM_SHOP: _per_albedo(SHOP_CD_M2, "room_shop"),
-    LensKind.ROOM_BLIND: _per_albedo(BLIND_CD_M2, "room_blind"),
 }
 """Luminance of a lit lens per albedo; of a red one as a brake or fog lamp."""
-SNOWLESS_MATERIALS = frozenset({"glass", "rubber", "skin", *LENS_KINDS})
+SNOWLESS_MATERIALS = frozenset({"glass", "room_dark", "shop_dark", "rubber", "skin", *LENS_KINDS})
 """Materials that falling snow does not stay on; cloth, too, by its name."""
 LENS_CORNERS = 16
 _STANDING_LIMBS = (
@@ -95,7 +93,7 @@ _LAMPS = {
     LensKind.LAMP_AMBER_LEFT: Lamp.LEFT,
     LensKind.LAMP_AMBER_RIGHT: Lamp.RIGHT,
     **dict.fromkeys(
-        (LensKind.ROOM_WARM, LensKind.ROOM_COOL, LensKind.ROOM_SHOP, LensKind.ROOM_BLIND),
+        (LensKind.ROOM_WARM, LensKind.ROOM_COOL, LensKind.ROOM_SHOP),
         Lamp.LOW_BEAM,
     ),
 }

@@ -2,11 +2,12 @@
 
 A façade is built in its own axes: x along it, z up, its face at y = 0 towards -y. Storeys lie above
 each other, each a row of equal bays, so that a wall is made of strips between openings and needs no
-cutting. Panes close the openings; behind them is the far wall of the rooms, where laser beams end.
+cutting. Panes close the openings; behind them are blinds, curtains and the far wall of the rooms,
+where laser beams end. Cameras see other rooms behind panes, with the same blinds and curtains.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,15 @@ from advercity.assets.lettering import WritingPlane, fit_height, write_text
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import TriangleSurface, join_surfaces
 from advercity.geometry.primitives import box, rectangles
+from advercity.scene.rooms import (
+    BLIND_STEPS,
+    CURTAIN_FRACTION,
+    CURTAINS,
+    NO_COVER,
+    ROOM_NUMBERS,
+    code_blinds,
+    code_panes,
+)
 
 SurfaceMaterials = list[tuple[TriangleSurface, str]]
 """Surfaces of a building around the origin, with their materials."""
@@ -30,12 +40,15 @@ SHOP_LETTER_M = 0.32
 SHUTTER_FRACTION = 0.34
 """Width of a shutter as a fraction of the window's."""
 _LIGHT_ACCENTS = ("cloth_yellow",)
-MAX_BLIND_FRACTION = 0.75
+LOWERED_STEPS = 2, 7
+"""Least steps that blinds are lowered, and one more than the most."""
+COVER_DEPTH_M = 0.06
+"""Distance of blinds and curtains behind the panes."""
 LIT_ROOM_FRACTION, LIT_SHOP_FRACTION, COOL_FRACTION = 0.35, 0.7, 0.3
 """Fractions of rooms and shops that are lit by night, and of rooms with lamps of cool white:
 assumptions for an evening."""
-CURTAINED_FRACTION, CURTAIN_FRACTION = 0.4, 0.17
-"""Fraction of windows with a curtain at either side, and the part of the width that one covers."""
+CURTAINED_FRACTION = 0.4
+"""Fraction of windows without a blind that have a curtain at either side."""
 
 
 @dataclass(frozen=True)
@@ -191,13 +204,14 @@ def _fill_windows(
     is_lit = draw.random(len(centres)) < (
         LIT_SHOP_FRACTION if storey.is_shop else LIT_ROOM_FRACTION
     )
+    covers = _draw_covers(len(centres), storey, style, draw)
     parts: SurfaceMaterials = [
-        *_build_panes(centres, half, is_lit, storey, draw),
+        *_build_panes(centres, half, is_lit, covers, storey, draw),
+        *_build_covers(centres, half, width, covers),
         (_build_frames(centres, half, width, has_mullion=not storey.is_shop), style.trim),
     ]
     if storey.is_shop:
         return [*parts, *_build_shop_front(centres, half, width, style, draw)]
-    parts += _build_blinds(centres, half, is_lit, width, style.blind_fraction, draw)
     if style.has_shutters:
         parts.append((_build_shutters(centres, half, width), style.accent))
     if storey.has_balconies:
@@ -212,58 +226,63 @@ def _fill_windows(
     return [*parts, (join_surfaces(sills), style.trim)]
 
 
+def _draw_covers(
+    count: int, storey: Storey, style: FacadeStyle, draw: np.random.Generator
+) -> NDArray[np.int64]:
+    """Draw what is behind each pane, of the codes of `scene.rooms`; nothing in shops."""
+    blinds = code_blinds(draw.integers(*LOWERED_STEPS, count))
+    curtains = np.where(draw.random(count) < CURTAINED_FRACTION, CURTAINS, NO_COVER)
+    covers = np.where(draw.random(count) < style.blind_fraction, blinds, curtains)
+    return np.where(storey.is_shop, NO_COVER, covers)
+
+
 def _build_panes(
     centres: Float64Array,
     half: Float64Array,
     is_lit: NDArray[np.bool_],
+    covers: NDArray[np.int64],
     storey: Storey,
     draw: np.random.Generator,
 ) -> SurfaceMaterials:
-    """Build a pane in each opening, of the material of the light behind it."""
+    """Build a pane in each opening, of the material of the room behind it."""
     is_cool = draw.random(len(centres)) < COOL_FRACTION
+    numbers = draw.integers(ROOM_NUMBERS, size=len(centres))
     kinds = (
-        ("glass", ~is_lit),
+        ("shop_dark", ~is_lit & storey.is_shop),
+        ("room_dark", ~is_lit & (not storey.is_shop)),
         ("room_shop", is_lit & storey.is_shop),
         ("room_warm", is_lit & ~is_cool & (not storey.is_shop)),
         ("room_cool", is_lit & is_cool & (not storey.is_shop)),
     )
     return [
-        (rectangles(centres[chosen], (storey.width_m / 2, 0, 0), half[chosen]), material)
+        (
+            replace(
+                rectangles(centres[chosen], (storey.width_m / 2, 0, 0), half[chosen]),
+                uv=code_panes(numbers[chosen], covers[chosen]),
+            ),
+            material,
+        )
         for material, chosen in kinds
         if chosen.any()
     ]
 
 
-def _build_blinds(
-    centres: Float64Array,
-    half: Float64Array,
-    is_lit: NDArray[np.bool_],
-    width_m: float,
-    fraction: float,
-    draw: np.random.Generator,
+def _build_covers(
+    centres: Float64Array, half: Float64Array, width_m: float, covers: NDArray[np.int64]
 ) -> SurfaceMaterials:
-    """Build blinds in a fraction of windows, and curtains at the sides of some others.
-
-    They are before the panes, since those of buildings are opaque.
-    """
-    has_blind = draw.random(len(centres)) < fraction
-    covered = half * draw.uniform(0.15, MAX_BLIND_FRACTION, (len(centres), 1))
-    raised = centres + half - covered - (0.0, 0.01, 0.0)
-    clear = width_m / 2 - FRAME_M
+    """Build blinds and curtains behind panes, which laser beams get through."""
+    behind = centres + np.array([0.0, COVER_DEPTH_M, 0.0])
+    is_drawn, is_blind = covers == CURTAINS, covers > CURTAINS
+    covered = half * ((covers - CURTAINS) / BLIND_STEPS)[:, None]
+    raised = behind + half - covered
     curtain = CURTAIN_FRACTION * width_m / 2
-    aside, inside = np.array([clear - curtain, 0, 0]), centres - (0.0, 0.01, 0.0)
-    has_curtains = ~has_blind & (draw.random(len(centres)) < CURTAINED_FRACTION)
-    parts: SurfaceMaterials = []
-    for material, lit in (("cloth_light", ~is_lit), ("room_blind", is_lit)):
-        down, drawn = has_blind & lit, has_curtains & lit
-        cloths = [rectangles(raised[down], (clear, 0, 0), covered[down])]
-        cloths += [
-            rectangles(inside[drawn] + side * aside, (curtain, 0, 0), half[drawn])
-            for side in (-1, 1)
-        ]
-        if (down | drawn).any():
-            parts.append((join_surfaces(cloths), material))
-    return parts
+    aside = np.array([width_m / 2 - curtain, 0.0, 0.0])
+    cloths = [rectangles(raised[is_blind], (width_m / 2, 0, 0), covered[is_blind])]
+    cloths += [
+        rectangles(behind[is_drawn] + side * aside, (curtain, 0, 0), half[is_drawn])
+        for side in (-1, 1)
+    ]
+    return [(join_surfaces(cloths), "cloth_light")] if (covers != NO_COVER).any() else []
 
 
 def _build_frames(

@@ -18,6 +18,7 @@ from advercity.scene.facades import (
     Storey,
     build_facade,
 )
+from advercity.scene.rooms import NO_COVER, ROOM_NUMBERS
 from advercity.semantics import Semantic
 from advercity.testing import build_flat_world
 
@@ -26,8 +27,7 @@ STOREY = Storey(
 )
 STYLE = FacadeStyle("brick", "enamel_white", "cloth_blue", blind_fraction=0.0)
 WIDTH_M = 12.0
-PANES = ("glass", "room_warm", "room_cool", "room_shop")
-CLOTHS = ("cloth_light", "room_blind")
+PANES = ("room_dark", "shop_dark", "room_warm", "room_cool", "room_shop")
 
 
 def build(*storeys: Storey, style: FacadeStyle = STYLE) -> list[tuple[TriangleSurface, str]]:
@@ -86,8 +86,8 @@ def test_the_door_is_where_it_is_declared_and_begins_at_the_ground() -> None:
 @pytest.mark.parametrize(("fraction", "count"), [(0.0, 0), (1.0, 4)])
 def test_as_many_windows_have_blinds_as_declared(fraction: float, count: int) -> None:
     parts = build(replace(STOREY, door_at=None), style=replace(STYLE, blind_fraction=fraction))
-    cloths = corners(of(parts, *CLOTHS))
-    # Curtains cover a part of the width, blinds all of it but the frame.
+    cloths = corners(of(parts, "cloth_light"))
+    # Curtains cover a part of the width, blinds all of it.
     is_blind = np.ptp(cloths[..., 0], axis=1) > 1.0
     assert np.count_nonzero(is_blind) == 2 * count
 
@@ -106,20 +106,19 @@ def test_a_third_of_the_rooms_is_lit_by_night_and_most_shops() -> None:
     assert count_panes(shops, "room_shop") == pytest.approx(2000 * LIT_SHOP_FRACTION, rel=0.1)
 
 
-def test_blinds_and_curtains_shine_before_lit_rooms_alone() -> None:
+def test_blinds_and_curtains_are_behind_panes_that_tell_of_them() -> None:
     storeys = [replace(STOREY, bottom_m=3.0 * n, door_at=None) for n in range(200)]
     parts = build(*storeys, style=replace(STYLE, blind_fraction=0.5))
-
-    def places(*materials: str) -> set[tuple[int, int]]:
-        """Bay and storey of each surface."""
-        middles = corners(of(parts, *materials)).mean(axis=1)
-        bays, floors = np.floor(middles[:, 0] / 3.0), np.floor(middles[:, 2] / 3.0)
-        return set(zip(bays.astype(int).tolist(), floors.astype(int).tolist(), strict=True))
-
-    assert places("room_blind") < places("room_warm", "room_cool")
-    assert places("cloth_light") < places("glass")
-    covered = len(places(*CLOTHS)) / 800
-    assert covered == pytest.approx(0.5 + 0.5 * CURTAINED_FRACTION, abs=0.06)
+    cloths, panes = of(parts, "cloth_light"), of(parts, *PANES)
+    assert cloths.vertices[:, 1].min() > REVEAL_M
+    assert panes.uv is not None
+    middles = corners(cloths).mean(axis=1)
+    bays, floors = np.floor(middles[:, 0] / 3.0), np.floor(middles[:, 2] / 3.0)
+    places = set(zip(bays.tolist(), floors.tolist(), strict=True))
+    number, cover = np.floor(panes.uv[::4]).T
+    assert number.min() >= 0 and number.max() == ROOM_NUMBERS - 1
+    assert len(places) == np.count_nonzero(cover != NO_COVER)
+    assert len(places) / 800 == pytest.approx(0.5 + 0.5 * CURTAINED_FRACTION, abs=0.06)
 
 
 def test_shops_have_a_sign_above_undivided_panes() -> None:

@@ -1,6 +1,6 @@
 """What rays meet: which triangle of which instance, and what its surface is there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from advercity.materials import Texture
@@ -12,6 +12,7 @@ from advercity_mitsuba.lamps import LampTables
 from advercity_mitsuba.light import Light
 from advercity_mitsuba.placement import PlacedFrame
 from advercity_mitsuba.reflection import Surface
+from advercity_mitsuba.rooms import compute_room_albedo
 from advercity_mitsuba.surfaces import COLUMNS, SurfaceFlag
 from advercity_mitsuba.variant import dr, mi
 from advercity_mitsuba.weathering import WeatherTables, build_surface
@@ -61,6 +62,7 @@ class Hit:
     """A surface that a ray hits; its normal faces where the ray came from.
 
     Attributes:
+        scale: Metres per unit of the mesh's own coordinates, 0 where it has none.
         is_thin: Whether it is a leaf or a blade, whose normal says nothing of its sides.
     """
 
@@ -76,6 +78,7 @@ class Hit:
     width_m: Any
     at: Any
     right: Any
+    scale: Any
     semantic: Any
     actor: Any
     is_thin: Any
@@ -161,6 +164,7 @@ def fetch_hit(scene: Scene, crossing: Crossing, origin: Any, ray: Any, active: A
         width_m=dr.abs(third.y),
         at=dr.select(along_world, at, mi.Point2f(mixed.w, across)),
         right=dr.select(along_world, right, mesh_right),
+        scale=_find_scale(step1, step2, *uv_steps),
         semantic=triangle.w >> SEMANTIC_SHIFT,
         actor=own.y,
         is_thin=is_leaf | is_blade,
@@ -203,6 +207,31 @@ def _find_mesh_axis(n: Any, step1: Any, step2: Any, uv_step1: Any, uv_step2: Any
     other = dr.select(dr.abs(n.z) < 0.9, mi.Vector3f(-n.y, n.x, 0.0), mi.Vector3f(1.0, 0.0, 0.0))
     # Triangles that are a point of the image have no axes of their own.
     return dr.select(dr.squared_norm(right) < 1e-20, other, right)
+
+
+def _find_scale(step1: Any, step2: Any, uv_step1: Any, uv_step2: Any) -> Any:
+    """Find how many metres a unit of either coordinate of a mesh is, 0 where it has none."""
+    turned = uv_step1.x * uv_step2.y - uv_step2.x * uv_step1.y
+    right = step1 * uv_step2.y - step2 * uv_step1.y
+    up = step2 * uv_step1.x - step1 * uv_step2.x
+    metres = mi.Vector2f(dr.norm(right), dr.norm(up)) / dr.abs(turned)
+    return dr.select(turned == 0.0, 0.0, metres)
+
+
+def apply_room(hit: Hit, ray: Any, pixel_m: Any) -> Hit:
+    """Give panes of buildings the albedo of the rooms that are seen behind them."""
+    right = dr.normalize(hit.right - hit.normal * dr.dot(hit.right, hit.normal))
+    found = compute_room_albedo(
+        kind=hit.kind,
+        base=hit.albedo,
+        is_lit=hit.emission > 0.0,
+        at=hit.at,
+        scale=hit.scale,
+        axes=(right, dr.cross(hit.normal, right), hit.normal),
+        ray=ray,
+        pixel_m=pixel_m,
+    )
+    return replace(hit, albedo=found)
 
 
 def build_first_surface(

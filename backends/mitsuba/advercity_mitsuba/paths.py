@@ -9,6 +9,7 @@ from advercity_mitsuba.hits import (
     Crossing,
     Hit,
     Scene,
+    apply_room,
     build_first_surface,
     build_next_surface,
     fetch_hit,
@@ -34,6 +35,7 @@ from advercity_mitsuba.reflection import (
     evaluate,
     sample_bounce,
 )
+from advercity_mitsuba.rooms import is_room
 from advercity_mitsuba.surfaces import SurfaceFlag
 from advercity_mitsuba.variant import dr, mi
 
@@ -274,6 +276,19 @@ def _cross_pane(scene: Scene, path: _Path, hit: Hit) -> _Path:
     )
 
 
+def _show_room(camera: Camera, path: _Path, hit: Hit) -> Hit:
+    """Show rooms behind panes that the camera sees; later hits see their means."""
+    pixel_m = compute_pixel_angle(camera) * path.crossing.distance
+
+    def show(hit: Hit) -> Hit:
+        return apply_room(hit, path.direction, pixel_m)
+
+    def leave(hit: Hit) -> Hit:
+        return hit
+
+    return dr.if_stmt((hit,), (path.depth == 0) & is_room(hit.kind), show, leave)
+
+
 def _build_path_surface(scene: Scene, camera: Camera, path: _Path, hit: Hit) -> Surface:
     angle = compute_pixel_angle(camera)
 
@@ -292,6 +307,7 @@ def _build_path_surface(scene: Scene, camera: Camera, path: _Path, hit: Hit) -> 
 def _reflect(scene: Scene, camera: Camera, path: _Path, hit: Hit, path_depth: Any) -> _Path:
     """Add the light that a surface sends back, and draw where the path goes on."""
     light, away, random = scene.light, _offset(path), path.random
+    hit = _show_room(camera, path, hit)
     s = _build_path_surface(scene, camera, path, hit)
     eye = -path.direction
     emitted = dr.select(path.sees_lenses, hit.emission * hit.albedo, 0.0)

@@ -32,6 +32,12 @@ from advercity.rendering.ground_maps import NEUTRAL_WEAR, WEAR_STEPS, WEAR_TONE
 from advercity.rendering.lamp_lenses import LENS_KCD_M2, TAIL_LAMP_KCD_M2, LensKind
 from advercity.rendering.light_sources import FOG_LAMP_HEIGHT_M, LAMP_HEIGHT_M
 from advercity.rendering.surface_weather import NO_WATER_LEVEL
+from advercity.scene.rooms import (
+    BLIND_RATIO,
+    CURTAIN_FRACTION,
+    SHOP_DAY_RATIO,
+    WINDOW_TRANSMITTANCE,
+)
 from advercity_sapien.lamp_lists import MIRROR_HALF_ANGLE_RAD, NO_ANGLE_LIMIT
 from advercity_sapien.lamp_shadows import (
     BEAM_REACH,
@@ -104,6 +110,7 @@ def _format_constants() -> Iterator[str]:
     yield from (
         f"const float {name} = {value};"
         for name, value in {
+            "PI": _float(np.pi, 15),
             "FAR_M": _float(FAR_M),
             "NO_WATER_LEVEL": _float(NO_WATER_LEVEL),
             "NO_ANGLE_LIMIT": _float(NO_ANGLE_LIMIT),
@@ -128,6 +135,10 @@ def _format_constants() -> Iterator[str]:
             "FOG_BEAM_SCALE": _float(FOG_BEAM_SCALE, 7),
             "LENS_FALLOFF": _float(LENS.falloff),
             "LENS_SIDE_FRACTION": _float(LENS.at_right_angle, 5),
+            "WINDOW_TRANSMITTANCE": _float(WINDOW_TRANSMITTANCE),
+            "BLIND_RATIO": _float(BLIND_RATIO),
+            "SHOP_DAY_RATIO": _float(SHOP_DAY_RATIO),
+            "CURTAIN_FRACTION": _float(CURTAIN_FRACTION),
             "TAIL_LAMP_LUMINANCE": _float(TAIL_LAMP_KCD_M2),
             **{f"{kind.name}_LUMINANCE": _float(light) for kind, light in LENS_KCD_M2.items()},
         }.items()

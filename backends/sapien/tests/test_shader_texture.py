@@ -22,7 +22,8 @@ pytestmark = pytest.mark.render
 TEXTURED = {
     material.texture: name
     for name, material in MATERIALS.items()
-    if material.texture is not Texture.PLAIN
+    # Rooms are no pattern: what is seen of them depends on the ray.
+    if material.texture not in (Texture.PLAIN, Texture.ROOM, Texture.SHOP)
 }
 every_texture = pytest.mark.parametrize("name", TEXTURED.values())
 

@@ -2,7 +2,6 @@
 // Radiance in kcd/m², irradiance in klx, distances in metres, unit directions in the world.
 // Needs shader_table.glsl and samplerSky.
 
-const float PI = 3.14159265358979;
 
 // Whether lamps light the scene, as at dusk, too; and whether hardly any light is from the sky.
 bool isNight() { return nightFlag() > 0.5; }

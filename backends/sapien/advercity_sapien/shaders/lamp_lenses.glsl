@@ -30,6 +30,5 @@ float lensEmission(int kind, int lit) {
   if ((lit & LIT_LOW_BEAM) == 0) return 0.0;
   if (kind == LENS_ROOM_WARM) return ROOM_WARM_LUMINANCE;
   if (kind == LENS_ROOM_COOL) return ROOM_COOL_LUMINANCE;
-  if (kind == LENS_ROOM_SHOP) return ROOM_SHOP_LUMINANCE;
-  return kind == LENS_ROOM_BLIND ? ROOM_BLIND_LUMINANCE : 0.0;
+  return kind == LENS_ROOM_SHOP ? ROOM_SHOP_LUMINANCE : 0.0;
 }

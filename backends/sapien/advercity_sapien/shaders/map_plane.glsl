@@ -4,6 +4,7 @@
 struct MapPlane {
   vec2 at;
   mat2x3 axes;
+  vec2 scale;  // metres per unit of the coordinates
 };
 
 // Whether copies of an image may overlap: grains and blades may, courses of bricks and images of models,
@@ -13,9 +14,12 @@ bool isUnordered(int kind) {
       && kind != TEXTURE_WOOD && kind != TEXTURE_PLAIN;
 }
 
+// Whether a surface is a pane before a room (rooms.glsl).
+bool isRoom(int kind) { return kind == TEXTURE_ROOM || kind == TEXTURE_SHOP; }
+
 MapPlane planeAlong(vec3 right, vec3 n, vec2 at) {
   right = normalize(right - n * dot(right, n));
-  return MapPlane(at, mat2x3(right, cross(n, right)));
+  return MapPlane(at, mat2x3(right, cross(n, right)), vec2(1.0));
 }
 
 // Plane along the world's axes at a point p of a surface of normal n. Courses run level on walls and
@@ -31,10 +35,13 @@ MapPlane worldPlane(int kind, vec3 p, vec3 n) {
 }
 
 // Plane of the mesh's own coordinates, of which two steps on the surface are known. Triangles that
-// are a point of the image have no axes of their own.
+// are a point of the image have no axes of their own, and a scale of 0.
 MapPlane meshPlane(vec2 uv, vec3 n, vec3 step1, vec3 step2, vec2 uvStep1, vec2 uvStep2) {
   vec3 right = step1 * uvStep2.y - step2 * uvStep1.y;
   float turned = uvStep1.x * uvStep2.y - uvStep2.x * uvStep1.y;
   if (dot(right, right) < 1e-20) right = abs(n.z) < 0.9 ? vec3(-n.y, n.x, 0.0) : vec3(1.0, 0.0, 0.0);
-  return planeAlong(turned < 0.0 ? -right : right, n, uv);
+  MapPlane plane = planeAlong(turned < 0.0 ? -right : right, n, uv);
+  vec3 up = step2 * uvStep1.x - step1 * uvStep2.x;
+  plane.scale = turned == 0.0 ? vec2(0.0) : vec2(length(right), length(up)) / abs(turned);
+  return plane;
 }

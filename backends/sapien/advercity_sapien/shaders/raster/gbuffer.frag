@@ -12,6 +12,7 @@
 #define mapTone colorTexture
 #define mapRelief normalTexture
 #include "../material_maps.glsl"
+#include "../rooms.glsl"
 #include "./pixel_samples.glsl"
 
 layout(location = 0) in vec3 inWorldNormal;
@@ -50,11 +51,20 @@ void main() {
         normal, ray / distance, pixelAngle() * distance);
     relief = reliefNormal(normal, plane, maps.slope);
   }
-  outColour = min(vec4(materialBuffer.baseColor.rgb, materialBuffer.roughness) * maps.tone, 1.0);
+  vec3 albedo = materialBuffer.baseColor.rgb;
+  float emission = lensEmission(int(materialBuffer.emission.x), objectDataBuffer.lit);
+  if (isRoom(kind)) {
+    MapPlane plane =
+        meshPlane(inUv, normal, dFdx(inPosition), dFdy(inPosition), dFdx(inUv), dFdy(inUv));
+    float distance = length(ray);
+    albedo = roomAlbedo(kind, albedo, emission > 0.0, plane, normal, ray / distance,
+        pixelAngle() * distance);
+  }
+  outColour = min(vec4(albedo, materialBuffer.roughness) * maps.tone, 1.0);
   outFacing = vec4(normal, materialBuffer.metallic);
   outRelief = vec4(relief, 0.0);
   outDepthEmission = vec4(
-      inDistance, lensEmission(int(materialBuffer.emission.x), objectDataBuffer.lit),
+      inDistance, emission,
       materialBuffer.emission.z > 0.5 ? kind + SNOWLESS : kind, mapped ? -inSurface : inSurface);
   outShape = uvec4(inIds.x & 0xffffu, inIds.x >> 16, 0u, 0u);
 }

@@ -58,6 +58,6 @@ void main() {
   hit.snowless = material.emission.z > 0.5;
   hit.identity = ids.x;
   hit.material = instance.materialIndex;
-  hit.plane = material.emission.w < 0.0 ? meshPlane(a, b, c, weights, hit.normal)
+  hit.plane = material.emission.w < 0.0 || isRoom(hit.texture) ? meshPlane(a, b, c, weights, hit.normal)
       : worldPlane(hit.texture, gl_WorldRayOriginEXT + gl_WorldRayDirectionEXT * gl_HitTEXT, hit.normal);
 }

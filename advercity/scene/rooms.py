@@ -1,0 +1,44 @@
+"""Rooms behind the panes of buildings: what their coordinates tell, and how light passes.
+
+Cameras see a room behind each pane (interior mapping), which no triangles are for; for all other
+sensors a building ends at its panes and the walls behind these.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from advercity.geometry.arrays import Float64Array
+
+ROOM_NUMBERS = 64
+"""Rooms that differ: the fewer, the finer coordinates of single precision resolve a window."""
+WINDOW_TRANSMITTANCE = 0.64
+"""Of double glazing, twice: into the room and out of it (0.8 each, EN 410)."""
+BLIND_RATIO = 0.6
+"""Light of a blind before a lit room relative to its walls': it transmits a quarter of 30 lx, walls
+reflect half of it, and panes let 85 % of that through."""
+SHOP_DAY_RATIO = 0.04
+"""Light of a shop's lamps by day relative to that on its pane: 300 lx behind 7.5 klx."""
+CURTAIN_FRACTION = 0.17
+"""Part of a window's width that the curtain at either side covers."""
+BLIND_STEPS = 8
+"""Heights at which blinds stop, with that of a whole window."""
+NO_COVER, CURTAINS = 0, 1
+
+
+def code_blinds(lowered: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Return the covers (n,) that are blinds lowered by a number of steps (n,)."""
+    return CURTAINS + lowered
+
+
+def code_panes(numbers: NDArray[np.integer], covers: NDArray[np.integer]) -> Float64Array:
+    """Code coordinates (4 n, 2) of panes with four corners, lower left first, counter-clockwise.
+
+    Each spans the middle half of a unit of both coordinates, so that no edge belongs to another.
+
+    Args:
+        numbers: (n,) of their rooms, below `ROOM_NUMBERS`.
+        covers: (n,) what covers them: `NO_COVER`, `CURTAINS` or one of `code_blinds`.
+    """
+    corners = np.array([(0.25, 0.25), (0.75, 0.25), (0.75, 0.75), (0.25, 0.75)])
+    codes = np.column_stack([numbers, covers]).astype(np.float64)
+    return (codes[:, None] + corners).reshape(-1, 2)
