@@ -11,6 +11,7 @@ from advercity.geometry.arrays import Float64Array
 from advercity.geometry.directions import spread_directions
 from advercity.geometry.mesh import TriangleSurface, join_surfaces, normalize, shade_smooth, xyz
 from advercity.geometry.primitives import ellipsoid, loft_rings, tube
+from advercity.physics.constants import GOLDEN_FRACTION
 from advercity.randomness import create_generator
 from advercity.scene.foliage import build_leaves
 from advercity.scene.seasons import select_tree_leaves
@@ -83,10 +84,9 @@ _SHADED_LEAVES = {Detail.NEAR: 160, Detail.MIDDLE: 80, Detail.FAR: 24}
 _SHADED_LEAF_LENGTH_M = {Detail.NEAR: 0.36, Detail.MIDDLE: 0.55, Detail.FAR: 0.8}
 """Leaves on the inside of a crown, through which hardly any light comes: each stands for many."""
 _SHOOT_RADIUS_M = 0.012
-_WHORLS = {Detail.NEAR: (22, 10), Detail.MIDDLE: (16, 8), Detail.FAR: (13, 8)}
-"""Whorls of a spruce, and branches of each."""
+_SPRUCE_BRANCHES = {Detail.NEAR: 220, Detail.MIDDLE: 128, Detail.FAR: 104}
 _TWIGS = {Detail.NEAR: 10, Detail.MIDDLE: 5, Detail.FAR: 4}
-"""Twigs on either side of such a branch."""
+"""Twigs on either side of a spruce's branch."""
 _TIERS = {Detail.NEAR: (18, 9), Detail.MIDDLE: (12, 8), Detail.FAR: (9, 6)}
 """Tiers of the dense inside of a spruce, and their sides."""
 
@@ -262,12 +262,15 @@ def _find_limbs(crown: _Crown, tips: Float64Array) -> Float64Array:
 
 
 def _build_spruce(detail: Detail, draw: np.random.Generator) -> TreeParts:
-    """Build a spruce: whorls of branches that hang, with twigs on either side and at the end."""
-    whorls, branches = _WHORLS[detail]
-    height = np.repeat(np.linspace(1.6, SPRUCE_HEIGHT_M - 0.5, whorls), branches)
-    height += draw.uniform(-0.15, 0.15, len(height))
-    turn = 2.0 * np.pi * (np.arange(len(height)) / branches + draw.uniform(0, 1, len(height)) * 0.4)
-    reach = _find_spruce_reach(height) * draw.uniform(0.8, 1.15, len(height))
+    """Build a spruce: branches that hang, with twigs on either side and at the end.
+
+    Branches wind up the stem: as many in few whorls would look like plates on a stick from afar.
+    """
+    branch = np.arange(_SPRUCE_BRANCHES[detail])
+    height = np.linspace(1.6, SPRUCE_HEIGHT_M - 0.5, len(branch))
+    height += draw.uniform(-0.15, 0.15, len(branch))
+    turn = 2.0 * np.pi * (GOLDEN_FRACTION * branch + draw.uniform(0.0, 0.1, len(branch)))
+    reach = _find_spruce_reach(height) * draw.uniform(0.7, 1.15, len(branch))
     away = np.column_stack([np.cos(turn), np.sin(turn), np.full(len(turn), -0.32)])
     aside = np.column_stack([-np.sin(turn), np.cos(turn), np.full(len(turn), -0.25)])
     root = np.column_stack([np.zeros((len(height), 2)), height])
@@ -297,7 +300,7 @@ def _build_tiers(sides: tuple[int, int], draw: np.random.Generator) -> TriangleS
     turn = 2.0 * np.pi * np.arange(around) / around
     ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(around)])
     rings = radii[:, None, None] * draw.uniform(0.8, 1.15, (2 * tiers, around, 1)) * ring
-    rings[..., 2] = heights[:, None] + draw.uniform(-0.12, 0.12, (2 * tiers, around))
+    rings[..., 2] = heights[:, None] + draw.uniform(-0.25, 0.25, (2 * tiers, around))
     return loft_rings(rings)
 
 
