@@ -55,11 +55,26 @@ class ConvexVolume:
         return np.all(farthest >= self.offsets, axis=1, keepdims=True)[:, 0]
 
 
-def compute_view_frustum(view: CameraView) -> ConvexVolume:
-    """Compute the volume that a camera sees, without near and far planes."""
-    wide = np.tan(view.horizontal_fov_rad / 2.0)
-    high = wide * view.height_px / view.width_px
-    normals = np.array([[wide, 1, 0], [wide, -1, 0], [high, 0, 1], [high, 0, -1]])
+@dataclass(frozen=True)
+class PixelRect:
+    """Part of an image, pixels from its left and upper edges."""
+
+    left_px: int
+    top_px: int
+    width_px: int
+    height_px: int
+
+
+def compute_view_frustum(view: CameraView, part: PixelRect | None = None) -> ConvexVolume:
+    """Compute the volume that a camera or a part of its image sees, without near and far planes."""
+    part = part or PixelRect(0, 0, view.width_px, view.height_px)
+    focal_px = view.width_px / (2.0 * np.tan(view.horizontal_fov_rad / 2.0))
+    left = 0.5 * view.width_px - part.left_px
+    up = 0.5 * view.height_px - part.top_px
+    right, down = part.width_px - left, part.height_px - up
+    normals = np.array(
+        [[right, focal_px, 0], [left, -focal_px, 0], [down, 0, focal_px], [up, 0, -focal_px]]
+    )
     return ConvexVolume.from_body_planes(view.world_from_camera, normals)
 
 

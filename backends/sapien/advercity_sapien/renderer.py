@@ -24,7 +24,8 @@ from advercity_sapien.atmosphere_parameters import (
     compute_light_parameters,
 )
 from advercity_sapien.contact_map import ContactMap
-from advercity_sapien.culling import SunShadow, compute_view_frustum
+from advercity_sapien.culling import PixelRect, SunShadow, compute_view_frustum
+from advercity_sapien.edges import EdgeSmoother
 from advercity_sapien.lamp_lists import LampLists
 from advercity_sapien.lamp_shadows import NO_SHADOWS, LampShadows
 from advercity_sapien.light_probes import NO_PROBES, LightProbes, bake_light_probes
@@ -44,7 +45,8 @@ COMPACT_IMAGES = {
 """Formats of the raster pack's images that need no single precision; SAPIEN gives every image 16
 bytes a texel. A format holds for a name in all packs, so the ray-traced one has other names."""
 MAX_RASTER_SAMPLES = 960 * 540 * 4
-"""Samples of an image of surfaces; larger ones would need more memory than a small machine has."""
+"""Most samples of surfaces that are drawn at once, for want of memory: edges of larger images are
+smoothed tile by tile (`edges`)."""
 
 
 FINEST_M = 1e-3
@@ -96,6 +98,7 @@ class SapienRenderer:
         )
         self._sun_shadow = SunShadow(atmosphere, self._scene)
         self._cameras: dict[tuple[int, int], sapien.render.RenderCameraComponent] = {}
+        self._smoothers: dict[tuple[int, int], EdgeSmoother] = {}
         self._pending: tuple[sapien.render.RenderCameraComponent, CameraView] | None = None
         self._table = ShaderTable()
         self._table.set_parameters(
@@ -202,8 +205,16 @@ class SapienRenderer:
 
     def _fetch_images(self) -> Images:
         """Wait for the image that was started, and copy its channels by name."""
+        images, view = self._wait_for_images()
+        if not self._is_ray_traced and self._count_samples_per_axis(view) == 1:
+            images["Radiance"] = self._smooth_edges(images["Radiance"], view)
+        return images
+
+    def _wait_for_images(self) -> tuple[Images, CameraView]:
+        """Wait for the image that was started; return its channels by name, and its view."""
         assert self._pending is not None, "captures are fetched before the next are begun"
         camera, view = self._pending
+        self._pending = None
         names = ["Normal", "Segmentation"] if self._is_ray_traced else ["Facing", "Shape"]
         if self._is_denoised:
             names.append("Albedo")
@@ -214,13 +225,25 @@ class SapienRenderer:
             # Halves of 32 bits.
             images["Segmentation"] = np.ascontiguousarray(images["Shape"]).view(np.uint32)
         images["Radiance"] = camera.get_picture("Radiance")[: view.height_px, : view.width_px]
-        self._pending = None
-        return images
+        return images, view
+
+    def _smooth_edges(self, middles: NDArray[np.float32], view: CameraView) -> NDArray[np.float32]:
+        """Compute mean radiance and depth (h, w, 4) of pixels from those at their middles."""
+        size = view.width_px, view.height_px
+        if size not in self._smoothers:
+            self._smoothers[size] = EdgeSmoother(self._scene, *size)
+
+        def show(part: PixelRect) -> None:
+            frustum = compute_view_frustum(view, part)
+            self._sapien_scene.culler.show_only([frustum], view)
+
+        with self._sapien_scene.hide_actors(view.hide):
+            return self._smoothers[size].smooth(middles, view, show)
 
     def _discard_pending(self) -> None:
         """Wait for an image that nothing fetched: SAPIEN crashes if it is closed or reused."""
         if self._pending is not None:
-            self._fetch_images()
+            self._wait_for_images()
 
     def _to_capture(self, images: Images) -> CameraCapture:
         radiance, depth = images["Radiance"][..., :3], images["Radiance"][..., 3]
@@ -241,6 +264,7 @@ class SapienRenderer:
         """Free the device's memory."""
         self._discard_pending()
         self._cameras.clear()
+        self._smoothers.clear()
         self._scene.clear()
 
     def _configure_camera(self, view: CameraView) -> sapien.render.RenderCameraComponent:

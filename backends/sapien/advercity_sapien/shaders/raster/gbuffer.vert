@@ -3,6 +3,7 @@
 #define CAMERA_SET 0
 #define OBJECT_SET 1
 #include "./interface.glsl"
+#include "./surface_number.glsl"
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
@@ -15,7 +16,6 @@ layout(location = 1) out float outDistance;
 layout(location = 2) out flat uvec4 outIds;
 layout(location = 3) out vec3 outPosition;
 layout(location = 4) out vec2 outUv;
-// Number of a static mesh, the same for all its tiles, or of a shape that moves.
 layout(location = 5) out flat int outSurface;
 
 void main() {
@@ -26,8 +26,7 @@ void main() {
   outPosition = placed.xyz;
   outUv = uv;
   outIds = objectDataBuffer.segmentation;
-  int mesh = objectDataBuffer.staticMesh;
-  outSurface = mesh > 0 ? 2 * mesh + 1 : 2 * int(outIds.x);
+  outSurface = surfaceNumber();
   // Hidden bodies, such as the camera's own vehicle, still cast shadows: only this pass drops them.
   gl_Position = objectDataBuffer.hidden != 0
       ? vec4(0.0, 0.0, 2.0, 1.0) : cameraBuffer.projectionMatrix * seen;

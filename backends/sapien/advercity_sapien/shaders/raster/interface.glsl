@@ -92,6 +92,8 @@ layout(set = SCENE_SET, binding = 0) uniform SceneBuffer {
   SpotLight texturedLights[1];
 } sceneBuffer;
 
+// Packs that draw no shadow maps may not have them.
+#ifndef NO_SHADOWS
 layout(set = SCENE_SET, binding = 1) uniform ShadowBuffer {
   LightView directionalLightBuffers[2];
   LightView spotLightBuffers[1];
@@ -104,4 +106,5 @@ layout(set = SCENE_SET, binding = 3) uniform sampler2D samplerDirectionalLightDe
 layout(set = SCENE_SET, binding = 4) uniform sampler2D samplerTexturedLightDepths[1];
 layout(set = SCENE_SET, binding = 5) uniform sampler2D samplerSpotLightDepths[1];
 layout(set = SCENE_SET, binding = 6) uniform sampler2D samplerTexturedLightTextures[1];
+#endif
 #endif
