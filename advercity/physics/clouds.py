@@ -96,8 +96,9 @@ def draw_cloudy_sky(layer: CloudLayer, smooth_sky: Float32Array, size: int) -> F
     up = photometry.cubemap_directions(size)[..., 2] > 0.0
     if layer.kind == "cumulus":
         drawn[up] = _draw_heaps(layer, size)
-        smooth = np.stack([cv2.GaussianBlur(face, (3, 3), 0.0) for face in drawn])
-        drawn[up] = smooth[up]
+        bordered = photometry.stack_cubemap(drawn).reshape(6, size + 2, size + 2, 3)
+        smooth = np.stack([cv2.GaussianBlur(face, (3, 3), 0.0) for face in bordered])
+        drawn[up] = smooth[:, 1:-1, 1:-1][up]
     else:
         drawn[up] *= _draw_deck(layer, size)[:, None]
     wanted = photometry.horizontal_illuminance(smooth_sky)

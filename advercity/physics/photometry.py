@@ -4,8 +4,9 @@ Colours are linear sRGB; a `Colour` has luminance 1 unless a docstring says othe
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
-from advercity.geometry.arrays import Float64Array, FloatArray
+from advercity.geometry.arrays import Float32Array, Float64Array, FloatArray
 
 Colour = tuple[float, float, float]
 LED_COLOUR: Colour = (1.39, 0.94, 0.50)
@@ -17,6 +18,10 @@ LED_HEADLAMP_COLOUR: Colour = (1.08, 0.99, 0.86)
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 """Luminance of the linear sRGB primaries (ITU-R BT.709)."""
+_RIGHT_OF_FACE = np.array(
+    [[0, -1, 0], [0, 1, 0], [1, 0, 0], [-1, 0, 0], [0, -1, 0], [0, -1, 0]], float
+)
+_DOWN_OF_FACE = np.array([[0, 0, -1]] * 4 + [[1, 0, 0], [-1, 0, 0]], float)
 _RGB_FROM_XYZ = np.array(
     [
         [3.2406, -1.5372, -0.4986],
@@ -28,7 +33,11 @@ _RGB_FROM_XYZ = np.array(
 
 def cubemap_directions(size: int) -> Float64Array:
     """Directions (6, size, size, 3) of the texels of a cubemap, laid out as `Atmosphere.sky`."""
-    axis = (np.arange(size) + 0.5) / size * 2.0 - 1.0
+    return _spread_over_faces((np.arange(size) + 0.5) / size * 2.0 - 1.0)
+
+
+def _spread_over_faces(axis: Float64Array) -> Float64Array:
+    """Spread directions (6, n, n, 3) over faces whose edges are at -1 and 1 of an axis (n,)."""
     down, right = np.meshgrid(axis, axis, indexing="ij")
     one = np.ones_like(right)
     faces = np.stack(
@@ -42,6 +51,43 @@ def cubemap_directions(size: int) -> Float64Array:
         ]
     )
     return faces / np.linalg.norm(faces, axis=-1, keepdims=True)
+
+
+def stack_cubemap(faces: Float32Array) -> Float32Array:
+    """Stack the faces of a cubemap below each other, each with a border for filters to run over.
+
+    Args:
+        faces: (6, n, n, c), laid out as `Atmosphere.sky`.
+
+    Returns:
+        (6 (n + 2), n + 2, c): around each face, the texels that its neighbours have there.
+    """
+    size = faces.shape[1]
+    directions = _spread_over_faces((np.arange(-1, size + 1) + 0.5) / size * 2.0 - 1.0)
+    bordered = np.pad(faces, ((0, 0), (1, 1), (1, 1), (0, 0)))
+    is_border = np.ones(bordered.shape[:3], bool)
+    is_border[:, 1:-1, 1:-1] = False
+    bordered[is_border] = _look_up_cubemap(faces, directions[is_border])
+    return bordered.reshape(-1, size + 2, faces.shape[3])
+
+
+def _look_up_cubemap(faces: Float32Array, directions: Float64Array) -> Float64Array:
+    """Interpolate a cubemap (6, n, n, c) in directions (k, 3): (k, c)."""
+    longest = np.argmax(np.abs(directions), axis=1)
+    length = np.take_along_axis(directions, longest[:, None], axis=1)[:, 0]
+    face = 2 * longest + (length < 0.0)
+    size = faces.shape[1]
+    low: list[NDArray[np.intp]] = []
+    part: list[Float64Array] = []
+    for axes in (_DOWN_OF_FACE, _RIGHT_OF_FACE):
+        along = np.einsum("kj,kj->k", axes[face], directions) / np.abs(length)
+        at = np.clip((along * 0.5 + 0.5) * size - 0.5, 0.0, size - 1.0)
+        low.append(np.minimum(at.astype(np.intp), size - 2))
+        part.append((at - low[-1])[:, None])
+    (row, column), (down, right) = low, part
+    upper = faces[face, row, column] * (1 - right) + faces[face, row, column + 1] * right
+    lower = faces[face, row + 1, column] * (1 - right) + faces[face, row + 1, column + 1] * right
+    return upper * (1 - down) + lower * down
 
 
 def cubemap_solid_angles(size: int) -> Float64Array:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from advercity.physics.atmosphere import Atmosphere
+from advercity.physics.photometry import stack_cubemap
 from advercity.rendering.fog_beams import FOG_BEAM_NODES, compute_fog_beams, grid_corners
 from advercity.rendering.visible_sky import draw_visible_sky
 from advercity_mitsuba.variant import dr, mi
@@ -72,7 +73,7 @@ def upload_light(atmosphere: Atmosphere) -> Light:
 
 
 def _stack_faces(faces: Any) -> Any:
-    stacked = faces.reshape(-1, *faces.shape[2:]).astype(np.float32)
+    stacked = stack_cubemap(faces.astype(np.float32))
     return mi.Texture2f(mi.TensorXf(stacked), wrap_mode=dr.WrapMode.Clamp, use_accel=False)
 
 
@@ -122,10 +123,9 @@ def _look_up(cubemap: Any, ray: Any) -> Any:
     )
     down = dr.select(on_x | on_y, -z, dr.select(z > 0.0, x, -x))
     longest = dr.select(on_x, size.x, dr.select(on_y, size.y, size.z))
-    # The clamp keeps the filter within a face.
-    edge = 0.5 / texels
-    u = dr.clip(right / longest * 0.5 + 0.5, edge, 1.0 - edge)
-    v = dr.clip(down / longest * 0.5 + 0.5, edge, 1.0 - edge)
+    # The outermost texels of a face are those of its neighbours, for the filter.
+    inside = 0.5 - 1.0 / texels
+    u, v = right / longest * inside + 0.5, down / longest * inside + 0.5
     return cubemap.eval(mi.Point2f(u, (v + face) / 6.0))
 
 

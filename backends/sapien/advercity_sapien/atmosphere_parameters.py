@@ -5,7 +5,11 @@ from numpy.typing import ArrayLike
 
 from advercity.geometry.arrays import Float32Array, Float64Array
 from advercity.physics.atmosphere import Atmosphere
-from advercity.physics.photometry import cubemap_directions, cubemap_solid_angles
+from advercity.physics.photometry import (
+    cubemap_directions,
+    cubemap_solid_angles,
+    stack_cubemap,
+)
 from advercity.rendering.surface_weather import compute_surface_weather
 from advercity.rendering.visible_sky import draw_visible_sky
 from advercity_sapien.shader_table import KILO
@@ -22,15 +26,13 @@ HARMONIC_NORMS = np.array(
 
 def build_sky_texture(atmosphere: Atmosphere) -> Float32Array:
     """Stack the sky's six cubemap faces n texels wide to (6 n, n, 4), in kcd/m², with clouds."""
-    faces = draw_visible_sky(atmosphere)
-    sky = faces.reshape(-1, faces.shape[2], 3) * np.float32(KILO)
+    sky = stack_cubemap(draw_visible_sky(atmosphere)) * np.float32(KILO)
     return np.concatenate([sky, np.ones_like(sky[..., :1])], axis=-1)
 
 
 def build_airlight_texture(atmosphere: Atmosphere) -> Float32Array:
     """Stack the airlight's faces to (6 m, m, 4): kcd/m² and its growth along the path."""
-    faces = atmosphere.airlight.reshape(-1, atmosphere.airlight.shape[2], 4)
-    return faces * np.array([KILO, KILO, KILO, 1.0], np.float32)
+    return stack_cubemap(atmosphere.airlight) * np.array([KILO, KILO, KILO, 1.0], np.float32)
 
 
 def compute_light_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike]:

@@ -12,7 +12,7 @@ float transmittance(float distance) {
 }
 
 // Texture coordinate of a ray in a cubemap whose six faces, each `texels` wide, lie below each
-// other. The clamp keeps the filter within a face.
+// other. The outermost texels of a face are those of its neighbours, for the filter.
 vec2 cubemapUv(vec3 ray, float texels) {
   vec3 size = abs(ray);
   vec3 face;
@@ -26,7 +26,7 @@ vec2 cubemapUv(vec3 ray, float texels) {
     face = ray.z > 0.0 ? vec3(-ray.y, ray.x, 4.0) : vec3(-ray.y, -ray.x, 5.0);
     face.xy /= size.z;
   }
-  vec2 uv = clamp(face.xy * 0.5 + 0.5, 0.5 / texels, 1.0 - 0.5 / texels);
+  vec2 uv = face.xy * (0.5 - 1.0 / texels) + 0.5;
   return vec2(uv.x, (uv.y + face.z) / 6.0);
 }
 
