@@ -45,11 +45,8 @@ def test_lanes_are_of_paving_of_different_age():
     # One lane alone is the mean; each of two differs from it.
     assert len(tones) == 1
     x = np.array([0.0, 50.0])
-    other = LaneSegment(
-        "road.-1",
-        "driving",
-        *(np.column_stack([x, np.full(2, y), np.zeros(2)]) for y in (5.25, 1.75)),
-    )
+    left, right = (np.column_stack([x, np.full(2, y), np.zeros(2)]) for y in (5.25, 1.75))
+    other = LaneSegment("road.-1", "driving", left, right)
     assert worn(10, 1.4, TONE, lane(), other) != worn(10, 2.1, TONE, lane(), other)
 
 
