@@ -389,6 +389,7 @@ def show_room(
         return renderer.render_camera(view).radiance.astype(np.float64) @ LUMINANCE
 
 
+@pytest.mark.usefixtures("backend")
 @pytest.mark.parametrize("pack", ["raster", "ray_traced"])
 @pytest.mark.parametrize(
     ("material", "cover", "night"),
@@ -410,6 +411,7 @@ def test_a_room_behind_a_pane_is_that_of_sapien(
     assert np.median(np.abs(ours - theirs) / theirs.mean()) < 0.03
 
 
+@pytest.mark.usefixtures("backend")
 def test_what_is_in_a_room_moves_less_than_its_pane() -> None:
     """0.5 m aside, a blind just behind a pane moves as it does; the far wall does not."""
     moved_px = round(0.5 / 6.0 * 48 / math.tan(math.radians(13.0)))
