@@ -325,7 +325,7 @@ MATERIALS: dict[str, Material] = {
         (0.45, 0.45, 0.46), 0.30, METAL_77GHZ, BARE_METAL_LWIR, roughness=0.4, metallic=0.9
     ),
     "glass": _pane((0.03, 0.035, 0.04)),
-    # Panes before rooms that nobody lights by night, and before those that are lit, which have the
+    # Panes before rooms that are dark by night, and before those that are lit, which have the
     # colours of lamps of 2700 and 4000 K, on walls that are not quite white.
     "room_dark": _pane((0.03, 0.03, 0.03), Texture.ROOM),
     "shop_dark": _pane((0.06, 0.06, 0.06), Texture.SHOP),

@@ -142,7 +142,7 @@ def pose_body(body: Body, pose: int | None) -> tuple[Mesh, ...]:
 def pose_vertices(body: Body, pose: int | None) -> Float32Array:
     """Compute the vertices (n, 3) of all parts of `pose_body` in sequence; they are read-only.
 
-    Whoever walks returns to the same few poses every second, so they are kept.
+    People who walk return to the same few poses every second, so they are kept.
     """
     vertices = (
         _join_vertices(body.parts)

@@ -330,7 +330,7 @@ def _join_views(seen: Sequence[Json]) -> Json:
     inside_px = sum(
         px * (1.0 - one["truncation"]) for px, one in zip(outlines_px, seen, strict=True)
     )
-    shares = {
+    fractions = {
         "visible_fraction": visible_px / sum(outlines_px),
         "occlusion": 1.0 - visible_px / inside_px,
         "truncation": 1.0 - inside_px / sum(outlines_px),
@@ -338,7 +338,7 @@ def _join_views(seen: Sequence[Json]) -> Json:
     return {
         "visible_px": visible_px,
         "visible_box": [*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist()],
-        **{name: round(float(np.clip(share, 0.0, 1.0)), 4) for name, share in shares.items()},
+        **{name: round(float(np.clip(part, 0.0, 1.0)), 4) for name, part in fractions.items()},
     }
 
 

@@ -1,4 +1,4 @@
-"""Rooms behind the panes of buildings: what their coordinates tell, and how light passes.
+"""Rooms behind the panes of buildings: what their coordinates encode, and how light passes.
 
 Cameras see a room behind each pane (interior mapping), which no triangles are for; for all other
 sensors a building ends at its panes and the walls behind these.

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from pydantic import ValidationError
 from advercity.conflicts.case import ParticipantSampler
 from advercity.conflicts.metrics import find_overlaps
 from advercity.conflicts.report import build_traffic_report
-from advercity.frames import FRONT_DTYPE, Actor, Trace
+from advercity.frames import Actor, Trace
 from advercity.recordings.bodies import select_blueprint
 from advercity.roads.lane_graph import read_lane_graph
 from advercity.roads.sumo_network import write_sumo_network
@@ -26,6 +25,7 @@ from advercity.traffic.route_file import write_route_file
 from advercity.traffic.semitrailers import TowedTrailer, build_towed_trailer
 from advercity.traffic.vehicle_motion import compute_lorry_states, compute_vehicle_states
 from tests.shipped import CATALOGUE
+from tests.traffic.front_tracks import track
 
 LENGTH_M = 6.1
 BACK_M = 6.1 / 2 - 4.5
@@ -42,14 +42,6 @@ TRAILER = TowedTrailer(
 STEADY = slice(-80, -20)
 """Ticks of a long turn; a drive goes straight on after its last tick, which is smoothed."""
 Rows = NDArray[np.void]
-
-
-def track(**columns: NDArray[Any]) -> Rows:
-    fronts = np.zeros(len(next(iter(columns.values()))), dtype=FRONT_DTYPE)
-    fronts["tick"] = np.arange(len(fronts))
-    for name, column in columns.items():
-        fronts[name] = column
-    return fronts
 
 
 def drive(fronts: Rows) -> tuple[Rows, Rows]:

@@ -3,16 +3,9 @@
 import numpy as np
 import pytest
 
-from advercity.frames import FRONT_DTYPE, Lamp
+from advercity.frames import Lamp
 from advercity.traffic.vehicle_motion import compute_vehicle_states
-
-
-def track(**columns: np.ndarray) -> np.ndarray:
-    fronts = np.zeros(len(next(iter(columns.values()))), dtype=FRONT_DTYPE)
-    fronts["tick"] = np.arange(len(fronts))
-    for name, column in columns.items():
-        fronts[name] = column
-    return fronts
+from tests.traffic.front_tracks import track
 
 
 def test_a_body_on_a_slope_hangs_between_its_bumpers():

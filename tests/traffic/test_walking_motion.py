@@ -3,16 +3,8 @@
 import numpy as np
 import pytest
 
-from advercity.frames import FRONT_DTYPE
 from advercity.traffic.walking_motion import compute_walker_states
-
-
-def track(**columns: np.ndarray) -> np.ndarray:
-    fronts = np.zeros(len(next(iter(columns.values()))), dtype=FRONT_DTYPE)
-    fronts["tick"] = np.arange(len(fronts))
-    for name, column in columns.items():
-        fronts[name] = column
-    return fronts
+from tests.traffic.front_tracks import track
 
 
 def test_people_neither_hop_nor_spin():
