@@ -26,7 +26,7 @@ from measurement import Measurement, measure_run_time
 
 from advercity.compiler import find_weather
 from advercity.frames import Frame
-from advercity.geometry.arrays import FloatArray, IndexArray
+from advercity.geometry.arrays import FloatArray
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.randomness import create_generator
 from advercity.rendering import embree
@@ -118,9 +118,9 @@ class EmbreeBaseline:
         limits = np.full(len(origins), RANGE_M, np.float32)
         self._single.run(origins, directions, limits, output=True)
 
-    def cast_packets(self, origins: FloatArray, directions: FloatArray, order: IndexArray) -> None:
-        """Cast 16 rays at a time."""
-        self._packets.cast(origins, directions, RANGE_M, ray_order=order)
+    def cast_packets(self, origins: FloatArray, directions: FloatArray, rings: int) -> None:
+        """Cast 16 rays of a ring at a time."""
+        self._packets.cast(origins, directions, RANGE_M, rings=rings)
 
 
 class Open3dBaseline:
@@ -147,15 +147,15 @@ class LidarRound:
         baseline = EmbreeBaseline(scene, frame)
         self.whole_s = measure_run_time(lambda: scene.caster.place(frame)).cpu_s
         for agent in scene.spec.agents:
-            rays, order = scene.compute_rays(agent, frame), order_by_ring(agent.sensors.lidar)
+            rays, rings = scene.compute_rays(agent, frame), agent.sensors.lidar.channels
             self.single_s += measure_min_cpu_s(lambda rays=rays: baseline.cast_single(*rays))
             self.packets_s += measure_min_cpu_s(
-                lambda rays=rays, order=order: baseline.cast_packets(*rays, order)
+                lambda rays=rays, rings=rings: baseline.cast_packets(*rays, rings)
             )
             self.whole_s += measure_min_cpu_s(
                 lambda agent=agent: scene.count_points(agent, frame, air)
             )
-            self.rays += len(order)
+            self.rays += len(rays[0])
             self.points += scene.count_points(agent, frame, air)
 
     @property
@@ -242,11 +242,6 @@ def _measure_against_open3d(scene: LidarScene, frame: Frame) -> float:
         baseline_s += measure_min_cpu_s(lambda rays=rays: peer.cast(*rays))
         whole_s += measure_min_cpu_s(lambda agent=agent: scene.count_points(agent, frame, air))
     return baseline_s / whole_s
-
-
-def order_by_ring(lidar: Lidar) -> IndexArray:
-    """Order a scan's beams by channel, each channel's along its ring: packets are then coherent."""
-    return np.arange(lidar.azimuths * lidar.channels).reshape(-1, lidar.channels).T.ravel()
 
 
 def print_table(scene: LidarScene, rounds: int) -> None:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from advercity.errors import RunError
 from advercity.geometry import poses
-from advercity.geometry.arrays import FloatArray, IndexArray
+from advercity.geometry.arrays import FloatArray
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import Matrix
 
@@ -150,13 +150,13 @@ class EmbreeScene:
         max_range_m: float,
         *,
         time_fraction: FloatArray | None = None,
-        ray_order: IndexArray | None = None,
+        rings: int = 1,
     ) -> EmbreeHits:
         """Find the first hit of each ray.
 
         Rays have origins and unit directions (n, 3) in float32, and times (n,) from 0 (previous
-        poses) to 1 (current poses); without times it is 1. `ray_order` has the rows (n,) in an
-        order that keeps similar directions together; None for the given order.
+        poses) to 1 (current poses); without times it is 1. Successive rays belong to `rings` rings
+        in turn, and a packet takes successive rays of one ring: their directions should be similar.
         """
         count = len(directions)
         hits = EmbreeHits(
@@ -165,51 +165,55 @@ class EmbreeScene:
             range_m=np.empty(count, np.float32),
             normal=np.empty((3, count), np.float32).T,  # columns are faster to fill than rows
         )
-        rows = np.arange(count) if ray_order is None else ray_order
-        # Copies of the last ray fill up the last packet.
-        rows = np.append(rows, np.repeat(rows[-1:], -count % _RAYS_PER_PACKET))
-        floats, integers = self._packets.floats, self._packets.integers
-        for first in range(0, count, _PACKETS_PER_BATCH * _RAYS_PER_PACKET):
-            lanes = rows[first : first + _PACKETS_PER_BATCH * _RAYS_PER_PACKET]
-            packets = len(lanes) // _RAYS_PER_PACKET
-            floats[:packets, _ORIGIN] = _to_packets(origins.take(lanes, axis=0))
-            floats[:packets, _DIRECTION] = _to_packets(directions.take(lanes, axis=0))
-            floats[:packets, _TIME] = 1.0
-            if time_fraction is not None:
-                times = time_fraction.take(lanes)
-                floats[:packets, _TIME] = times.reshape(-1, _RAYS_PER_PACKET)
-            floats[:packets, _FAR] = max_range_m
-            floats[:packets, _NORMAL] = 0.0
-            integers[:packets, _HIT] = -1
-            self._packets.cast(self._scene, packets)
-            hits.instance[lanes] = integers[:packets, _INSTANCE_ID].ravel()
-            hits.triangle[lanes] = integers[:packets, _PRIMITIVE_ID].ravel()
-            hits.range_m[lanes] = floats[:packets, _FAR].ravel()
-            for axis, column in enumerate(hits.normal.T):
-                column[lanes] = floats[:packets, _NORMAL][:, axis].ravel()
+        if rings > len(self._packets.floats):
+            self._packets = _RayPackets(rings)
+        per_block = _RAYS_PER_PACKET * rings
+        per_batch = len(self._packets.floats) // rings * per_block
+        for first in range(0, count, per_batch):
+            batch = slice(first, min(first + per_batch, count))
+            blocks = -((first - batch.stop) // per_block)
+            shape = (blocks, rings, _FIELDS_PER_RAY, _RAYS_PER_PACKET)
+            floats = self._packets.floats[: blocks * rings].reshape(shape)
+            integers = floats.view(np.int32)
+            floats[:, :, _ORIGIN] = _to_packets(origins[batch], rings)
+            floats[:, :, _DIRECTION] = _to_packets(directions[batch], rings)
+            floats[:, :, _TIME] = (
+                1.0 if time_fraction is None else _to_packets(time_fraction[batch], rings)
+            )
+            floats[:, :, _FAR] = max_range_m
+            floats[:, :, _NORMAL] = 0.0
+            integers[:, :, _HIT] = -1
+            self._packets.cast(self._scene, blocks * rings)
+            for target, field in (
+                (hits.instance, integers[:, :, _INSTANCE_ID]),
+                (hits.triangle, integers[:, :, _PRIMITIVE_ID]),
+                (hits.range_m, floats[:, :, _FAR]),
+                *zip(hits.normal.T, np.moveaxis(floats[:, :, _NORMAL], 2, 0), strict=True),
+            ):
+                target[batch] = field.swapaxes(1, 2).ravel()[: batch.stop - first]
         return hits
 
 
 class _RayPackets:
-    """Memory of `_PACKETS_PER_BATCH` RTCRayHit16, structures of arrays for 16 rays and their hits.
+    """Memory of some RTCRayHit16, structures of arrays for 16 rays and their hits.
 
     Attributes:
         floats: (packets, fields, lanes) float32.
         integers: View of the same bytes as int32.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, count: int = _PACKETS_PER_BATCH) -> None:
         # RTCRayHit16 must be aligned to 64 bytes, which NumPy does not promise.
-        size = _PACKETS_PER_BATCH * _FIELDS_PER_RAY * _RAYS_PER_PACKET
+        size = count * _FIELDS_PER_RAY * _RAYS_PER_PACKET
         room = np.zeros(size + 2 * _ALIGNMENT_BYTES // 4, np.float32)
         packets = room[-room.ctypes.data % _ALIGNMENT_BYTES // 4 :][:size]
-        self.floats = packets.reshape(_PACKETS_PER_BATCH, _FIELDS_PER_RAY, _RAYS_PER_PACKET)
+        self.floats = packets.reshape(count, _FIELDS_PER_RAY, _RAYS_PER_PACKET)
         self.integers = self.floats.view(np.int32)
         self.integers[:, _MASK] = -1
         self._valid = np.full(_RAYS_PER_PACKET + _ALIGNMENT_BYTES // 4, -1, np.int32)
         self._valid = self._valid[-self._valid.ctypes.data % _ALIGNMENT_BYTES // 4 :]
         base, size = self.floats.ctypes.data, self.floats[0].nbytes
-        self._packets = [c_void_p(base + packet * size) for packet in range(_PACKETS_PER_BATCH)]
+        self._packets = [c_void_p(base + packet * size) for packet in range(count)]
         self._arguments = _IntersectArguments(_COHERENT, _EVERY_FEATURE)
 
     def cast(self, scene: int, count: int) -> None:
@@ -338,6 +342,12 @@ def _to_quaternion_decomposition(matrix: Matrix) -> FloatArray:
     )
 
 
-def _to_packets(vectors: FloatArray) -> FloatArray:
-    """Reorder vectors (n, 3) by packet, (n / lanes, 3, lanes)."""
-    return vectors.reshape(-1, _RAYS_PER_PACKET, 3).transpose(0, 2, 1)
+def _to_packets(rays: FloatArray, rings: int) -> FloatArray:
+    """Reorder a field of rays, (n,) or (n, 3), by block, ring and packet: (k, rings, ..., lanes).
+
+    Copies of the last ray fill up the last block.
+    """
+    missing = -len(rays) % (rings * _RAYS_PER_PACKET)
+    if missing:
+        rays = np.concatenate([rays, np.repeat(rays[-1:], missing, axis=0)])
+    return np.moveaxis(rays.reshape(-1, _RAYS_PER_PACKET, rings, *rays.shape[1:]), 1, -1)

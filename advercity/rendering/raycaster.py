@@ -64,25 +64,25 @@ class Rays:
         directions: (n, 3) float32, unit vectors.
         time_fraction: (n,) float32 time of each ray, from 0 at the previous frame to 1 at the
             current one; None for 1.
-        ring: (n,) uint16; successive rays of a ring have similar directions, which makes fast
-            packets. None if all successive rays do.
+        rings: Successive rays belong to that many rings in turn; successive rays of a ring have
+            similar directions, which makes fast packets.
     """
 
     origins: FloatArray
     directions: FloatArray
     time_fraction: FloatArray | None = None
-    ring: NDArray[np.uint16] | None = None
+    rings: int = 1
 
     def __len__(self) -> int:
         return len(self.directions)
 
     def select(self, where: IndexArray) -> "Rays":
-        """Select rays by row numbers."""
+        """Select rays by row numbers, which then belong to no rings."""
+        # Not `take`, which would copy an array that repeats one origin.
         return Rays(
-            self.origins.take(where, axis=0),
-            self.directions.take(where, axis=0),
-            None if self.time_fraction is None else self.time_fraction.take(where),
-            None if self.ring is None else self.ring.take(where),
+            self.origins[where],
+            self.directions[where],
+            None if self.time_fraction is None else self.time_fraction[where],
         )
 
 
@@ -124,7 +124,7 @@ class Raycaster:
             rays.directions,
             max_range_m,
             time_fraction=rays.time_fraction,
-            ray_order=None if rays.ring is None else np.argsort(rays.ring, kind="stable"),
+            rings=rays.rings,
         )
         # A miss has -1 for instance and triangle, which wraps to the last row of each table.
         triangle = placed.first_triangle.take(found.instance, mode="wrap") + found.triangle

@@ -152,7 +152,7 @@ def test_rays_in_rings_find_what_they_find_alone() -> None:
     world = own.reshape(-1, 3) @ stand[:3, :3].T
     origins = np.broadcast_to(stand[:3, 3], world.shape)
     plain = rays(origins, world)
-    ringed = replace(plain, ring=np.tile(np.arange(64, dtype=np.uint16), 601))
+    ringed = replace(plain, rings=64)
     whole = eye.cast(ringed, 100.0)
     assert set(whole.instance) == {0, 1, 2, 3, 4, 5, 6, 7}
     some = np.arange(0, len(world), 7)

@@ -120,18 +120,17 @@ def _build_rays(
 ) -> Rays:
     """Build all rays of the scan in the world."""
     per_azimuth = len(directions) // lidar.azimuths
-    ring = np.tile(np.arange(per_azimuth, dtype=np.uint16), lidar.azimuths)
     if world_from_head is None:
         rotation, origin = (part.astype(np.float32) for part in _split_pose(world_from_lidar))
-        origins = np.tile(origin, (len(directions), 1))
-        return Rays(origins, _rotate_vectors(directions, rotation), ring=ring)
+        origins = np.broadcast_to(origin, directions.shape)
+        return Rays(origins, _rotate_vectors(directions, rotation), rings=per_azimuth)
     rotations, origins = (part.astype(np.float32) for part in _split_pose(world_from_head))
     rotated = directions.reshape(lidar.azimuths, per_azimuth, 3) @ rotations.swapaxes(1, 2)
     return Rays(
         origins=np.repeat(origins, per_azimuth, axis=0),
         directions=rotated.reshape(-1, 3),
         time_fraction=np.repeat(scan_fractions(lidar), per_azimuth).astype(np.float32),
-        ring=ring,
+        rings=per_azimuth,
     )
 
 
