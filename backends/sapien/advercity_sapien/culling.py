@@ -24,6 +24,9 @@ SHADOW_CASCADES: Cascades = ((28.0, 20.0), (100.0, 84.0))
 """Of each map of the sun's shadows, from fine to coarse, half its width, and how far ahead of the
 camera its middle is, metres: close surfaces need sharp shadows, distant ones any."""
 
+LOOKUP_TEXELS = 6.0
+"""How far from a surface its shadow is looked up, at most (`sunVisibility` in deferred.frag)."""
+
 PixelRange = tuple[float, float]
 """Least and greatest size of a pixel at a body's distance, metres."""
 ANY_PIXEL: PixelRange = (0.0, math.inf)
@@ -48,6 +51,28 @@ class ConvexVolume:
         """Transform planes from the axes of a body at (4, 4) to the world."""
         rotated = normals @ world_from_body[:3, :3].T
         return ConvexVolume(rotated, offsets + rotated @ world_from_body[:3, 3])
+
+    def sweep(self, direction: Float64Array) -> "ConvexVolume":
+        """Compute the volume that this one sweeps as it moves in a direction (3,) without end.
+
+        Planes that it does not leave stay. Of each of these and each other one the weighted sum
+        along which it moves bounds it, too (Fourier-Motzkin elimination of the distance).
+        """
+        inward = self.normals @ direction
+        stays, leaves = np.flatnonzero(inward >= 0.0), np.flatnonzero(inward < 0.0)
+        first, second = (rows.ravel() for rows in np.meshgrid(stays, leaves))
+        planes = np.column_stack([self.normals, self.offsets])
+        sums = inward[first, None] * planes[second] - inward[second, None] * planes[first]
+        swept = np.concatenate([planes[stays], sums])
+        return ConvexVolume(swept[:, :3], swept[:, 3])
+
+    def intersect(self, other: "ConvexVolume", *, margin_m: float) -> "ConvexVolume":
+        """Compute the part of this volume that is in another, or less than a margin from it."""
+        margin = margin_m * np.linalg.norm(other.normals, axis=1)
+        return ConvexVolume(
+            np.concatenate([self.normals, other.normals]),
+            np.concatenate([self.offsets, other.offsets - margin]),
+        )
 
     def may_intersect(self, centre: FloatArray, half: FloatArray) -> NDArray[np.bool_]:
         """Test boxes (n,) along the world's axes; may say yes wrongly, but never no."""
@@ -172,7 +197,7 @@ class SunShadow:
     """Shadow maps that follow the camera; none where there is no direct sun.
 
     Attributes:
-        caster_volumes: Volumes of all bodies whose shadows the maps may hold; none without maps.
+        caster_volumes: Volume of what may cast shadows into view, for each map.
     """
 
     def __init__(
@@ -207,7 +232,7 @@ class SunShadow:
     def _place(
         self, entity: sapien.Entity, view: CameraView, half_m: float, ahead_m: float
     ) -> ConvexVolume:
-        """Move a map, in whole texels so that edges do not crawl, and find what casts into it."""
+        """Move a map, in whole texels so that edges do not crawl, and find what casts into view."""
         camera = view.world_from_camera
         centre = self._world_from_light.T @ (camera[:3, 3] + ahead_m * camera[:3, 0])
         texel = 2.0 * half_m / SHADOW_TEXELS
@@ -220,7 +245,9 @@ class SunShadow:
         # The light looks along x: from its plane to the map's range, and as wide as the map.
         normals = np.concatenate([np.eye(3), -np.eye(3)])
         offsets = -np.array([0.0, half_m, half_m, SHADOW_RANGE_M, half_m, half_m])
-        return ConvexVolume.from_body_planes(pose, normals, offsets)
+        seen = compute_view_frustum(view).sweep(-self._world_from_light[:, 0])
+        box = ConvexVolume.from_body_planes(pose, normals, offsets)
+        return box.intersect(seen, margin_m=LOOKUP_TEXELS * texel)
 
 
 def _rotation_along(direction: Float64Array) -> Matrix:

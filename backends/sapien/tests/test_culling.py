@@ -50,6 +50,48 @@ def test_a_volume_moves_with_its_body() -> None:
     assert seen.tolist() == [False, True, True, True, False]
 
 
+@pytest.mark.parametrize(
+    ("middle", "casts"),
+    [
+        ((10.0, 8.0, 1.0), True),
+        # Towards the light, which is in the east and 45 degrees high.
+        ((40.0, 8.0, 31.0), True),
+        ((40.0, 8.0, 55.0), False),
+        # Below all light rays to what is seen, and on the other side of it.
+        ((44.0, 8.0, 11.0), False),
+        ((-1.0, 8.0, 1.0), False),
+        ((10.0, -8.0, 1.0), False),
+        # Its shadow passes behind the camera.
+        ((25.0, -3.0, 16.0), False),
+    ],
+)
+def test_boxes_between_the_light_and_what_is_seen_cast_shadows_on_it(
+    middle: tuple[float, float, float], casts: bool
+) -> None:
+    towards_light = np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0)
+    casting = compute_view_frustum(SQUARE).sweep(towards_light)
+    assert casting.may_intersect(np.array([middle]), np.ones((1, 3))).tolist() == [casts]
+
+
+def test_a_swept_volume_has_all_that_was_in_it_moved_any_way() -> None:
+    rng = np.random.default_rng(5)
+    frustum = compute_view_frustum(SQUARE)
+    points = np.array([10.0, 0.0, 1.0]) + rng.uniform(-1.0, 1.0, (500, 3)) * (9.0, 9.0, 9.0)
+    seen = points[frustum.may_intersect(points, np.zeros((500, 3)))]
+    for direction in rng.normal(size=(20, 3)):
+        moved = seen + rng.uniform(0.0, 50.0, (len(seen), 1)) * direction
+        swept = frustum.sweep(direction).intersect(frustum.sweep(direction), margin_m=1e-6)
+        assert swept.may_intersect(moved, np.full(moved.shape, 1e-6)).all()
+
+
+def test_an_intersection_has_what_is_less_than_the_margin_from_the_other_volume() -> None:
+    east = ConvexVolume(np.array([[1.0, 0.0, 0.0]]), np.array([5.0]))
+    north = ConvexVolume(np.array([[0.0, 2.0, 0.0]]), np.array([20.0]))
+    middles = np.array([[6.0, 9.1, 0.0], [6.0, 8.9, 0.0], [4.0, 11.0, 0.0]])
+    both = east.intersect(north, margin_m=1.0)
+    assert both.may_intersect(middles, np.zeros((3, 3))).tolist() == [True, False, False]
+
+
 def test_a_level_of_detail_is_made_when_it_is_first_seen_and_only_once() -> None:
     made: list[RenderBody] = []
 

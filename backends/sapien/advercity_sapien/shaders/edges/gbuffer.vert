@@ -3,7 +3,6 @@
 #define CAMERA_SET 0
 #define OBJECT_SET 1
 #include "../raster/interface.glsl"
-#include "../raster/surface_number.glsl"
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
@@ -12,14 +11,12 @@ layout(location = 3) in vec3 tangent;
 layout(location = 4) in vec3 bitangent;
 
 layout(location = 0) out vec3 outWorldNormal;
-layout(location = 1) out float outDistance;
-layout(location = 2) out flat int outNumber;
+layout(location = 0, component = 3) out float outDistance;
 
 void main() {
   vec4 seen = cameraBuffer.viewMatrix * objectTransformBuffer.modelMatrix * vec4(position, 1.0);
   outWorldNormal = mat3(objectTransformBuffer.modelMatrix) * normal;
   outDistance = -seen.z;
-  outNumber = surfaceNumber();
   gl_Position = objectDataBuffer.hidden != 0
       ? vec4(0.0, 0.0, 2.0, 1.0) : cameraBuffer.projectionMatrix * seen;
 }

@@ -14,13 +14,12 @@
 #include "../material_maps.glsl"
 #include "../rooms.glsl"
 #include "./pixel_samples.glsl"
+#include "./surface_number.glsl"
 
 layout(location = 0) in vec3 inWorldNormal;
-layout(location = 1) in float inDistance;
-layout(location = 2) in flat uvec4 inIds;
-layout(location = 3) in vec3 inPosition;
-layout(location = 4) in vec2 inUv;
-layout(location = 5) in flat int inSurface;
+layout(location = 0, component = 3) in float inDistance;
+layout(location = 1) in vec3 inPosition;
+layout(location = 2) in vec2 inUv;
 
 layout(location = 0) out vec4 outColour;
 layout(location = 1) out vec4 outFacing;
@@ -63,8 +62,10 @@ void main() {
   outColour = min(vec4(albedo, materialBuffer.roughness) * maps.tone, 1.0);
   outFacing = vec4(normal, materialBuffer.metallic);
   outRelief = vec4(relief, 0.0);
+  int surface = surfaceNumber();
   outDepthEmission = vec4(
       inDistance, emission,
-      materialBuffer.emission.z > 0.5 ? kind + SNOWLESS : kind, mapped ? -inSurface : inSurface);
-  outShape = uvec4(inIds.x & 0xffffu, inIds.x >> 16, 0u, 0u);
+      materialBuffer.emission.z > 0.5 ? kind + SNOWLESS : kind, mapped ? -surface : surface);
+  uint shape = objectDataBuffer.segmentation.x;
+  outShape = uvec4(shape & 0xffffu, shape >> 16, 0u, 0u);
 }

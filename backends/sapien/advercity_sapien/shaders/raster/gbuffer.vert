@@ -3,7 +3,6 @@
 #define CAMERA_SET 0
 #define OBJECT_SET 1
 #include "./interface.glsl"
-#include "./surface_number.glsl"
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
@@ -11,12 +10,11 @@ layout(location = 2) in vec2 uv;
 layout(location = 3) in vec3 tangent;
 layout(location = 4) in vec3 bitangent;
 
+// In few locations, since the software driver keeps each for every triangle.
 layout(location = 0) out vec3 outWorldNormal;
-layout(location = 1) out float outDistance;
-layout(location = 2) out flat uvec4 outIds;
-layout(location = 3) out vec3 outPosition;
-layout(location = 4) out vec2 outUv;
-layout(location = 5) out flat int outSurface;
+layout(location = 0, component = 3) out float outDistance;
+layout(location = 1) out vec3 outPosition;
+layout(location = 2) out vec2 outUv;
 
 void main() {
   vec4 placed = objectTransformBuffer.modelMatrix * vec4(position, 1.0);
@@ -25,8 +23,6 @@ void main() {
   outDistance = -seen.z;
   outPosition = placed.xyz;
   outUv = uv;
-  outIds = objectDataBuffer.segmentation;
-  outSurface = surfaceNumber();
   // Hidden bodies, such as the camera's own vehicle, still cast shadows: only this pass drops them.
   gl_Position = objectDataBuffer.hidden != 0
       ? vec4(0.0, 0.0, 2.0, 1.0) : cameraBuffer.projectionMatrix * seen;

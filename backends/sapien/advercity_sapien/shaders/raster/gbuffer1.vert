@@ -11,12 +11,10 @@ layout(location = 3) in vec3 tangent;
 layout(location = 4) in vec3 bitangent;
 
 layout(location = 0) out vec3 outWorldNormal;
-layout(location = 1) out float outDistance;
-layout(location = 2) out flat uvec4 outIds;
+layout(location = 0, component = 3) out float outDistance;
 
 void main() {
   outWorldNormal = mat3(objectTransformBuffer.modelMatrix) * normal;
-  outIds = objectDataBuffer.segmentation;
   vec4 seen = cameraBuffer.viewMatrix * objectTransformBuffer.modelMatrix * vec4(position, 1.0);
   outDistance = -seen.z;
   gl_Position = objectDataBuffer.hidden != 0
