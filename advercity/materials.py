@@ -435,7 +435,10 @@ MATERIALS: dict[str, Material] = {
     ),
     # Leaves deep in a crown, with the shade between them; many layers, which let no light through.
     "inner_leaves": Material(
-        (0.025, 0.05, 0.014), 0.40, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.CROWN
+        (0.031, 0.065, 0.017), 0.40, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.CROWN
+    ),
+    "inner_needles": Material(
+        (0.02, 0.043, 0.017), 0.40, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.CROWN
     ),
     # Plants in autumn and winter: without chlorophyll as bright at 905 nm, dry ones less.
     "leaves_yellow": Material(

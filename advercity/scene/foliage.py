@@ -14,7 +14,7 @@ WIDTH_RATIO, BELLY_RATIO = 0.55, 0.45
 """Width of a leaf over its length, and where along it that is: half a leaf, as if folded."""
 COVERAGE = 0.55
 """Area of the leaves on a surface over its own."""
-HEDGE_LEAF_M = 0.25
+HEDGE_LEAF_M = 0.18
 
 
 def build_leaves(
@@ -47,6 +47,17 @@ def build_foliage(
     coverage: float = COVERAGE,
 ) -> list[MeshPart]:
     """Build the dense inside of a shrub or a wood, and leaves that lie on it."""
+    leaves = strew_leaves(surface, length_m, draw, coverage)
+    return [
+        MeshPart(surface, "inner_leaves", Semantic.VEGETATION),
+        MeshPart(leaves, "leaves", Semantic.VEGETATION),
+    ]
+
+
+def strew_leaves(
+    surface: TriangleSurface, length_m: float, draw: np.random.Generator, coverage: float
+) -> TriangleSurface:
+    """Build leaves of a length that lie on a surface, of a total area relative to its own."""
     a, b, c = (surface.vertices[surface.triangles[:, corner]] for corner in range(3))
     across = np.cross(b - a, c - a)
     area = np.linalg.norm(across, axis=1) / 2.0
@@ -57,11 +68,4 @@ def build_foliage(
     outward = normalize(across[face])
     roots = (1.0 - u - v) * a[face] + u * b[face] + v * c[face]
     roots += outward * length_m * draw.uniform(0.0, 0.4, (count, 1))
-    return [
-        MeshPart(surface, "inner_leaves", Semantic.VEGETATION),
-        MeshPart(
-            build_leaves(roots, draw.normal(size=roots.shape), outward, length_m, draw),
-            "leaves",
-            Semantic.VEGETATION,
-        ),
-    ]
+    return build_leaves(roots, draw.normal(size=roots.shape), outward, length_m, draw)

@@ -13,7 +13,7 @@ from advercity.geometry.mesh import TriangleSurface, join_surfaces, normalize, s
 from advercity.geometry.primitives import ellipsoid, loft_rings, tube
 from advercity.physics.constants import GOLDEN_FRACTION
 from advercity.randomness import create_generator
-from advercity.scene.foliage import build_leaves
+from advercity.scene.foliage import build_leaves, strew_leaves
 from advercity.scene.seasons import select_tree_leaves
 
 
@@ -69,20 +69,21 @@ _CROWNS = {
     ),
 }
 SPRUCE_HEIGHT_M = 10.8
-_ENDS = {Detail.NEAR: 64, Detail.MIDDLE: 36, Detail.FAR: 24}
+_ENDS = {Detail.NEAR: 64, Detail.MIDDLE: 38, Detail.FAR: 24}
 """Ends of branches of a tree."""
-_SHOOTS = {Detail.NEAR: (8, 10), Detail.MIDDLE: (5, 7), Detail.FAR: (5, 6)}
+_SHOOTS = {Detail.NEAR: (8, 11), Detail.MIDDLE: (5, 7), Detail.FAR: (4, 6)}
 """Shoots of each, and leaves of a shoot."""
-_LEAF_LENGTH_M = {Detail.NEAR: 0.2, Detail.MIDDLE: 0.34, Detail.FAR: 0.48}
+_LEAF_LENGTH_M = {Detail.NEAR: 0.165, Detail.MIDDLE: 0.24, Detail.FAR: 0.38}
 _BRANCHES_PER_LIMB = 6
-_CORE_RATIO = {Detail.NEAR: 0.58, Detail.MIDDLE: 0.66, Detail.FAR: 0.80}
+_CORE_RATIO = {Detail.NEAR: 0.58, Detail.MIDDLE: 0.64, Detail.FAR: 0.72}
 _CORE_BUMP = 0.16
 """Size of the dense inside of a crown over that of the crown, and how uneven it is: leaves before
 it hide it the better the more they are."""
-_CORE_SIDES = {Detail.NEAR: (8, 6), Detail.MIDDLE: (7, 4), Detail.FAR: (6, 3)}
-_SHADED_LEAVES = {Detail.NEAR: 160, Detail.MIDDLE: 80, Detail.FAR: 24}
-_SHADED_LEAF_LENGTH_M = {Detail.NEAR: 0.36, Detail.MIDDLE: 0.55, Detail.FAR: 0.8}
-"""Leaves on the inside of a crown, through which hardly any light comes: each stands for many."""
+_CORE_SIDES = {Detail.NEAR: (12, 8), Detail.MIDDLE: (10, 6), Detail.FAR: (8, 5)}
+_HIDDEN_RATIO = 0.72
+"""Size of the ellipsoids in which what is on another is hidden, over that of the crown's."""
+_INNER_COVERAGE = 0.33
+"""Area of the leaves that lie on the inside of a crown over its own."""
 _SHOOT_RADIUS_M = 0.012
 _SPRUCE_BRANCHES = {Detail.NEAR: 220, Detail.MIDDLE: 128, Detail.FAR: 104}
 _TWIGS = {Detail.NEAR: 10, Detail.MIDDLE: 5, Detail.FAR: 4}
@@ -111,14 +112,17 @@ def build_tree(
         wood += _build_limbs(crown, ends[::_BRANCHES_PER_LIMB])
     if detail is Detail.NEAR or is_bare:
         wood += [*_build_branches(crown, ends), shoots.build_stems()]
-    leaves = shoots.build_leaves(_LEAF_LENGTH_M[detail], draw)
+    length_m = _LEAF_LENGTH_M[detail]
+    outer = shoots.build_leaves(length_m, draw)
+    inside = shade_smooth(_build_core(crown, detail, draw))
+    inner = strew_leaves(_select_outside(inside, crown), length_m, draw, _INNER_COVERAGE)
     parts = [
         (shade_smooth(join_surfaces(wood)), "bark"),
-        *select_tree_leaves(leaves, species, season),
+        *select_tree_leaves(join_surfaces([outer, inner]), species, season),
     ]
     if not is_bare:
-        inside = "inner_leaves_brown" if season is Season.AUTUMN else "inner_leaves"
-        parts.append((_build_shaded_leaves(crown, detail, draw), inside))
+        shade = "inner_leaves_brown" if season is Season.AUTUMN else "inner_leaves"
+        parts.append((inside, shade))
     return tuple(parts), max(z + rise for *_, z, _, rise in crown.blobs)
 
 
@@ -188,27 +192,11 @@ def _build_shoots(
     return _Shoots(points, normalize(outward + 0.5 * away))
 
 
-def _build_shaded_leaves(
-    crown: _Crown, detail: Detail, draw: np.random.Generator
-) -> TriangleSurface:
-    """Build the dense inside of a crown, through which hardly any light comes.
+def _build_core(crown: _Crown, detail: Detail, draw: np.random.Generator) -> TriangleSurface:
+    """Build bumpy ellipsoids inside those of a crown, through which hardly any light comes.
 
     Only a closed core leaves no holes, however few leaves are before it.
     """
-    core = shade_smooth(_build_core(crown, detail, draw))
-    blobs = np.array(crown.blobs)
-    volume = blobs[:, 3] ** 2 * blobs[:, 4]
-    blob = blobs[draw.choice(len(blobs), _SHADED_LEAVES[detail], p=volume / volume.sum())]
-    away = normalize(draw.normal(size=(len(blob), 3)))
-    offset = away * blob[:, [3, 3, 4]] * draw.uniform(0.5, 0.92, (len(blob), 1))
-    length_m = _SHADED_LEAF_LENGTH_M[detail]
-    along = draw.normal(size=offset.shape)
-    roots = blob[:, :3] + offset - 0.4 * length_m * normalize(along)
-    return join_surfaces([core, build_leaves(roots, along, away, length_m, draw)])
-
-
-def _build_core(crown: _Crown, detail: Detail, draw: np.random.Generator) -> TriangleSurface:
-    """Build bumpy ellipsoids inside those of a crown."""
     around, bands = _CORE_SIDES[detail]
     pieces: list[TriangleSurface] = []
     for x, y, z, radius, rise in crown.blobs:
@@ -218,6 +206,15 @@ def _build_core(crown: _Crown, detail: Detail, draw: np.random.Generator) -> Tri
             replace(ball, vertices=ball.vertices * (_CORE_RATIO[detail] + bumps) + xyz(x, y, z))
         )
     return join_surfaces(pieces)
+
+
+def _select_outside(core: TriangleSurface, crown: _Crown) -> TriangleSurface:
+    """Select the triangles of a core that no other of its ellipsoids hides."""
+    blobs = np.array(crown.blobs)
+    middles = core.vertices[core.triangles].mean(axis=1)
+    inside = (middles[:, None] - blobs[:, :3]) / blobs[:, [3, 3, 4]]
+    hidden = np.sum(np.linalg.norm(inside, axis=2) < _HIDDEN_RATIO, axis=1) > 1
+    return replace(core, triangles=core.triangles[~hidden])
 
 
 def _build_stem(crown: _Crown) -> TriangleSurface:
@@ -281,7 +278,7 @@ def _build_spruce(detail: Detail, draw: np.random.Generator) -> TreeParts:
     return (
         (shade_smooth(stem), "bark"),
         (join_surfaces([needles, shade_smooth(tip)]), "needles"),
-        (shade_smooth(core), "inner_leaves"),
+        (shade_smooth(core), "inner_needles"),
     )
 
 

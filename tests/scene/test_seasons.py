@@ -126,3 +126,9 @@ def test_a_road_without_a_season_has_that_of_summer_and_its_spec_does_not_say_so
 def test_a_season_that_does_not_exist_is_refused():
     with pytest.raises(ValidationError, match="'summer', 'autumn' or 'winter'"):
         in_season("spring")
+
+
+def test_the_inside_of_spruces_stays_green_in_winter():
+    row = beside("trees", offset_m=2, species=["spruce"], spacing_m=10)
+    summer, winter = (in_season(season, row) for season in ("summer", "winter"))
+    assert winter.keys() == summer.keys() >= {"needles", "inner_needles"}

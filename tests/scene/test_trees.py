@@ -60,7 +60,8 @@ def hit_fraction(
     detail: Detail = Detail.NEAR,
 ) -> float:
     """Fraction of horizontal rays, at heights and an offset from the trunk, that meet leaves."""
-    crown = join_surfaces([leaves(species, detail), parts(species, detail)["inner_leaves"]])
+    inside = "inner_needles" if species is Species.SPRUCE else "inner_leaves"
+    crown = join_surfaces([leaves(species, detail), parts(species, detail)[inside]])
     mesh = crown.to_mesh("leaves", "leaves", Semantic.VEGETATION)
     turn = np.arange(40) / 40 * 2.0 * np.pi
     angle, height = (grid.ravel() for grid in np.meshgrid(turn, heights_m))

@@ -62,6 +62,13 @@ _FOLIAGE = (
     _of_space(0.35, 3, hue=0.12),
     _Octave(6.0, 4, hue=0.20),
 )
+_CROWN = (
+    _of_space(0.11, 1, 0.8),
+    _of_space(0.28, 2, 0.7),
+    _of_space(0.8, 5, 0.35),
+    _of_space(0.35, 3, hue=0.12),
+    _Octave(6.0, 4, hue=0.20),
+)
 OCTAVES: dict[Texture, tuple[_Octave, ...]] = {
     Texture.ASPHALT: (
         _Octave(0.025, 1, 0.30),
@@ -95,7 +102,7 @@ OCTAVES: dict[Texture, tuple[_Octave, ...]] = {
         _Octave(37.0, 5, hue=0.14),
     ),
     Texture.LEAVES: _FOLIAGE,
-    Texture.CROWN: _FOLIAGE,
+    Texture.CROWN: _CROWN,
     Texture.BARK: (_Octave(0.05, 1, 0.55, stretch=(1.0, 1.0, 0.15)), _of_space(0.4, 2, 0.25)),
     Texture.BRICK: (_of_surface(1.1, 2, 0.12), _of_surface(5.0, 3, 0.12)),
     Texture.PLASTER: (
@@ -176,7 +183,8 @@ def compute_detail(
         # From fresh to withered: none is bluer than the mean.
         green = dr.select(kind == int(texture), 0.3, green)
         blue = dr.select(kind == int(texture), 0.5, blue)
-    return mi.Color3f(1.0 + tone + hue, 1.0 + tone + green * hue, 1.0 + tone + blue * hue)
+    ratio = mi.Color3f(1.0 + tone + hue, 1.0 + tone + green * hue, 1.0 + tone + blue * hue)
+    return dr.maximum(ratio, 0.0)
 
 
 def _turn_lattice(p: Any) -> Any:

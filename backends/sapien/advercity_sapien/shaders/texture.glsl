@@ -131,7 +131,13 @@ vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
     float hue = 0.12 * octave(q, 2.3, f, 7) + 0.14 * octave(q, 9.0, f, 4) + 0.14 * octave(q, 37.0, f, 5);
     return tint(tone, hue);
   }
-  if (kind == TEXTURE_LEAVES || kind == TEXTURE_CROWN) {
+  if (kind == TEXTURE_CROWN) {
+    // Leaves and the gaps between them.
+    float tone = 0.8 * octave(p, 0.11, f, 1) + 0.7 * octave(p, 0.28, f, 2) + 0.35 * octave(p, 0.8, f, 5);
+    float hue = 0.12 * octave(p, 0.35, f, 3) + 0.20 * octave(q, 6.0, f, 4);
+    return max(vec3(1.0) + tone + hue * PLANT_HUE, 0.0);
+  }
+  if (kind == TEXTURE_LEAVES) {
     float tone = 0.55 * octave(p, 0.13, f, 1) + 0.35 * octave(p, 0.6, f, 2);
     float hue = 0.12 * octave(p, 0.35, f, 3) + 0.20 * octave(q, 6.0, f, 4);
     return vec3(1.0) + tone + hue * PLANT_HUE;
