@@ -44,10 +44,10 @@ LENS_KINDS = {kind.name.lower(): kind for kind in LensKind}
 """Kinds by material."""
 TAIL_LAMP_KCD_M2 = 1.2
 """Luminance of a red lens per albedo as a tail lamp, which is on with the low beam."""
-WARM_CD_M2, COOL_CD_M2, SHOP_CD_M2 = 4.0, 8.0, 40.0
+WARM_CD_M2, COOL_CD_M2, SHOP_CD_M2 = 4.0, 8.0, 13.5
 """Luminance of windows from outside: walls that reflect half of 30 and 60 lx, assumptions for
-living rooms and kitchens in the evening, and of 300 lx in shops (EN 12464-1, sales areas), behind
-panes that let 85 % through."""
+living rooms and kitchens in the evening; in shops, shelves of goods that reflect a third of 150 lx,
+half of what is on the floor (300 lx: EN 12464-1, sales areas). Panes let 85 % through."""
 
 
 def _per_albedo(luminance_cd_m2: float, material: str) -> float:

@@ -27,6 +27,8 @@ from advercity.scene.site import Rectangle, Site, StreetSide
 from advercity.semantics import Semantic
 
 FLOOR_M = 3.1
+PLINTH_M = 0.35
+"""Height of the foundation above the highest ground at a building."""
 ROAD_CLEARANCE_M = 1.5
 GARDEN_TREE_M = 5.5
 MIN_ROW_M = 6.0
@@ -199,7 +201,7 @@ def _place_on_lot(parts: SurfaceMaterials, lot: Lot, site: Site) -> list[MeshPar
     ground = site.ground_height(lot.compute_corners())
     offset = (*lot.centre, float(ground.max()))
     x, y = lot.width_m / 2, lot.depth_m / 2
-    foundation = box((-x, -y, -float(np.ptp(ground)) - 0.5), (x, y, 0.35))
+    foundation = box((-x, -y, -float(np.ptp(ground)) - 0.5), (x, y, PLINTH_M))
     return [
         MeshPart(move_surface(surface, offset, yaw=lot.yaw), material, Semantic.BUILDING)
         for surface, material in [(foundation, "concrete"), *parts]
@@ -221,7 +223,7 @@ def draw_style(walls: Sequence[str], draw: np.random.Generator) -> FacadeStyle:
 def _build_town_block(lot: Lot, floors: int, draw: np.random.Generator) -> SurfaceMaterials:
     """Build a block: shops or flats below, equal floors above, a flat or a pitched roof."""
     x, y, top = _inset(lot.width_m), _inset(lot.depth_m), floors * FLOOR_M + 0.4
-    style = replace(draw_style(TOWN_WALLS, draw), has_shutters=False)
+    style = replace(draw_style(TOWN_WALLS, draw), has_shutters=False, plinth_m=PLINTH_M)
     bay, window = float(draw.uniform(2.4, 3.4)), (float(draw.uniform(1.0, 1.7)), 1.6)
     has_shops, has_balconies = draw.random() < 0.5, draw.random() < 0.35
 
@@ -247,7 +249,8 @@ def _build_town_block(lot: Lot, floors: int, draw: np.random.Generator) -> Surfa
     if draw.random() < 0.4:
         roof = str(draw.choice(ROOFS))
         pitched = build_pitched_roof(x, y, top, 0.5, style.wall, roof)
-        return [*parts, *pitched, *_build_attic(x, y, top, 0.6, style, roof, draw)]
+        attic = _build_attic(x, y, top, 0.6, style, roof, draw)
+        return [*parts, *pitched, *attic, (_build_downpipes(x, y, top), "metal")]
     parapet = box((-x - 0.15, -y - 0.15, top), (x + 0.15, y + 0.15, top + 0.45))
     stairs = box((-1.8, -1.5, top + 0.4), (1.8, 1.5, top + 2.6))
     vents = [
@@ -261,7 +264,7 @@ def _build_house(lot: Lot, eaves: float, draw: np.random.Generator) -> SurfaceMa
     """Build a house with a door in the middle, a pitched roof and a chimney."""
     x, y = _inset(lot.width_m), _inset(lot.depth_m)
     floors = 2 if eaves > 4.4 else 1
-    style = replace(draw_style(HOUSE_WALLS, draw), has_string_courses=False)
+    style = replace(draw_style(HOUSE_WALLS, draw), has_string_courses=False, plinth_m=PLINTH_M)
     width, bay = float(draw.uniform(1.0, 1.5)), float(draw.uniform(2.6, 3.4))
 
     def list_storeys(width_m: float, *, is_front: bool) -> list[Storey]:
@@ -276,14 +279,21 @@ def _build_house(lot: Lot, eaves: float, draw: np.random.Generator) -> SurfaceMa
         return storeys
 
     roof = str(draw.choice(ROOFS))
-    gutter = tube([(x - 0.1, -y - 0.08, 0), (x - 0.1, -y - 0.08, eaves)], 0.05, sides=5)
     return [
         *_build_walls(x, y, list_storeys, style, draw),
         *build_pitched_roof(x, y, eaves, 0.45, style.wall, roof),
         *_build_attic(x, y, eaves, 0.35, style, roof, draw),
-        (box((-0.75, -y - 0.9, 0), (0.75, -y, 0.05)), "concrete"),
-        (gutter, "metal"),
+        (_build_downpipes(x, y, eaves), "metal"),
     ]
+
+
+def _build_downpipes(x: float, y: float, eaves: float) -> TriangleSurface:
+    """Build a downpipe at either end of the front, from the ground to the gutter."""
+    pipes = [
+        tube([(at, -y - 0.14, -0.3), (at, -y - 0.14, eaves)], 0.05, sides=5)
+        for at in (0.15 - x, x - 0.15)
+    ]
+    return join_surfaces(pipes)
 
 
 def _build_attic(

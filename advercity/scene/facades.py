@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from advercity.assets.lettering import WritingPlane, fit_height, write_text
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import TriangleSurface, join_surfaces
-from advercity.geometry.primitives import box, rectangles
+from advercity.geometry.primitives import box, rectangles, tube
 from advercity.scene.rooms import (
     BLIND_STEPS,
     CURTAIN_FRACTION,
@@ -31,6 +31,10 @@ SurfaceMaterials = list[tuple[TriangleSurface, str]]
 
 REVEAL_M, FRAME_M, SILL_M = 0.14, 0.06, 0.07
 """Depth of openings, width of frames, and how far sills stand out."""
+THRESHOLD_M, TREAD_M = 0.05, 0.3
+"""Height of doors above the ground, and depth of a step."""
+HANDLE_M, GATE_PANEL_M = 0.12, 0.5
+"""Distance of a handle from the middle of a glass door, and height of the panels of a gate."""
 ROOM_DEPTH_M = 3.0
 SHOP_NAMES = (
     *("BAKERY", "BICYCLES", "BOOKS", "CAFE", "FISHMONGER", "FLOWERS", "HATS", "KEYS"),
@@ -65,6 +69,7 @@ class Storey:
         door_at: Number of the opening that is a door down to the strip's lower edge, or None.
         has_balconies: Whether openings lead to balconies.
         is_shop: Whether it has undivided panes, and a sign above them.
+        gate_m: Width and height of a gate instead of the door, or None.
     """
 
     bottom_m: float
@@ -76,6 +81,12 @@ class Storey:
     door_at: int | None = None
     has_balconies: bool = False
     is_shop: bool = False
+    gate_m: tuple[float, float] | None = None
+
+    @property
+    def door_width_m(self) -> float:
+        """Width of its door or gate."""
+        return self.gate_m[0] if self.gate_m else self.width_m
 
 
 @dataclass(frozen=True)
@@ -89,6 +100,7 @@ class FacadeStyle:
         blind_fraction: Fraction of windows with a blind or curtain.
         has_string_courses: Whether bands run round the building between storeys.
         has_shutters: Whether there are shutters, of the accent's colour, at its windows.
+        plinth_m: Height of a plinth before the walls; steps lead to doors above it.
     """
 
     wall: str
@@ -97,6 +109,7 @@ class FacadeStyle:
     blind_fraction: float
     has_string_courses: bool = False
     has_shutters: bool = False
+    plinth_m: float = 0.0
 
 
 def build_facade(
@@ -124,11 +137,14 @@ def _build_storey(
 ) -> SurfaceMaterials:
     middles = _place_openings(width_m, storey)
     is_door = np.arange(storey.openings) == storey.door_at
-    low = storey.bottom_m + np.where(is_door, 0.05, storey.sill_m)
+    widths = np.where(is_door, storey.door_width_m, storey.width_m)
+    low = storey.bottom_m + np.where(is_door, max(THRESHOLD_M, style.plinth_m), storey.sill_m)
     high = np.full(len(middles), storey.bottom_m + storey.sill_m + storey.opening_m)
+    if storey.gate_m:
+        high[is_door] = storey.bottom_m + storey.gate_m[1]
     parts = [
-        (_build_wall(width_m, storey, middles, low, high), style.wall),
-        (_build_reveals(middles, storey.width_m, low, high), style.wall),
+        (_build_wall(width_m, storey, middles, widths, low, high), style.wall),
+        (_build_reveals(middles, widths, low, high), style.wall),
     ]
     windows = ~is_door
     centres = np.column_stack([middles, np.full(len(middles), REVEAL_M), (low + high) / 2])
@@ -136,7 +152,7 @@ def _build_storey(
     if windows.any():
         parts += _fill_windows(centres[windows], half[windows], storey, style, draw)
     if is_door.any():
-        parts += _fill_doors(centres[is_door], half[is_door], storey, style)
+        parts += _fill_doors(centres[is_door], half[is_door], storey, style, draw)
     if style.has_string_courses:
         parts.append((_build_band(width_m, storey.bottom_m + storey.height_m, 0.16), style.trim))
     return parts
@@ -150,14 +166,19 @@ def _place_openings(width_m: float, storey: Storey) -> Float64Array:
 
 
 def _build_wall(
-    width_m: float, storey: Storey, middles: Float64Array, low: Float64Array, high: Float64Array
+    width_m: float,
+    storey: Storey,
+    middles: Float64Array,
+    widths: Float64Array,
+    low: Float64Array,
+    high: Float64Array,
 ) -> TriangleSurface:
     """Build the strips of wall: piers between openings, and the wall below and above each."""
     bottom, top = storey.bottom_m, storey.bottom_m + storey.height_m
-    left = np.concatenate([[-width_m / 2], middles + storey.width_m / 2])
-    right = np.concatenate([middles - storey.width_m / 2, [width_m / 2]])
+    sides = middles - widths / 2, middles + widths / 2
+    left = np.concatenate([[-width_m / 2], sides[1]])
+    right = np.concatenate([sides[0], [width_m / 2]])
     edges = [(left, right, np.full(len(left), bottom), np.full(len(left), top))]
-    sides = middles - storey.width_m / 2, middles + storey.width_m / 2
     edges += [
         (*sides, np.full(len(middles), bottom), low),
         (*sides, high, np.full(len(middles), top)),
@@ -172,22 +193,21 @@ def _build_wall(
 
 
 def _build_reveals(
-    middles: Float64Array, width_m: float, low: Float64Array, high: Float64Array
+    middles: Float64Array, widths: Float64Array, low: Float64Array, high: Float64Array
 ) -> TriangleSurface:
     """Build the sides of openings, from the wall to the panes."""
     depth = REVEAL_M / 2
     zero = np.zeros(len(middles))
     at, half = np.full(len(middles), depth), (high - low) / 2
-    upright = np.column_stack([zero, zero, half])
+    upright, across = (np.column_stack(v) for v in ((zero, zero, half), (widths / 2, zero, zero)))
+    left, right = middles - widths / 2, middles + widths / 2
     level = (0.0, depth, 0.0)
     return join_surfaces(
         [
-            rectangles(np.column_stack([middles - width_m / 2, at, low + half]), level, upright),
-            rectangles(
-                np.column_stack([middles + width_m / 2, at, low + half]), (0, -depth, 0), upright
-            ),
-            rectangles(np.column_stack([middles, at, low]), (width_m / 2, 0, 0), level),
-            rectangles(np.column_stack([middles, at, high]), (width_m / 2, 0, 0), (0, -depth, 0)),
+            rectangles(np.column_stack([left, at, low + half]), level, upright),
+            rectangles(np.column_stack([right, at, low + half]), (0, -depth, 0), upright),
+            rectangles(np.column_stack([middles, at, low]), across, level),
+            rectangles(np.column_stack([middles, at, high]), across, (0, -depth, 0)),
         ]
     )
 
@@ -357,21 +377,71 @@ def _build_balconies(feet: Float64Array, width_m: float) -> SurfaceMaterials:
 
 
 def _fill_doors(
-    centres: Float64Array, half: Float64Array, storey: Storey, style: FacadeStyle
+    centres: Float64Array,
+    half: Float64Array,
+    storey: Storey,
+    style: FacadeStyle,
+    draw: np.random.Generator,
 ) -> SurfaceMaterials:
-    """Fill openings with a door that has a light above it, and build a canopy over each."""
-    width = storey.width_m
-    light = half * 0.16
+    """Fill openings with a gate, or a door that has a canopy, and steps where there is a plinth."""
+    width = storey.door_width_m
+    if storey.gate_m:
+        gate = rectangles(centres, (width / 2, 0, 0), half)
+        return [(join_surfaces([gate, _build_gate_ribs(centres, half, width)]), style.trim)]
     canopies = [
         box((x - width / 2 - 0.25, -0.75, z), (x + width / 2 + 0.25, 0.0, z + 0.12))
         for x, _, z in centres + half + np.array([0.0, 0.0, 0.1])
     ]
-    return [
-        (rectangles(centres - light, (width / 2 - FRAME_M, 0, 0), half - light), "wood"),
-        (rectangles(centres + half - light, (width / 2 - FRAME_M, 0, 0), light), "glass"),
-        (_build_frames(centres, half, width, has_mullion=False), style.trim),
-        (join_surfaces(canopies), "concrete"),
+    steps = [
+        box((x - width / 2 - 0.2, -tread * TREAD_M, -0.5), (x + width / 2 + 0.2, 0.0, z))
+        for x, _, top in centres - half
+        for tread, z in ((1, top), (2, top / 2))
+        if style.plinth_m
     ]
+    leaves = _build_glass_doors if storey.is_shop else _build_doors
+    return [
+        *leaves(centres, half, storey, draw),
+        (_build_frames(centres, half, width, has_mullion=storey.is_shop), style.trim),
+        (join_surfaces([*canopies, *steps]), "concrete"),
+    ]
+
+
+def _build_doors(
+    centres: Float64Array, half: Float64Array, storey: Storey, _: np.random.Generator
+) -> SurfaceMaterials:
+    """Build wooden doors with a light above each."""
+    across, light = (storey.width_m / 2 - FRAME_M, 0, 0), half * 0.16
+    return [
+        (rectangles(centres - light, across, half - light), "wood"),
+        (rectangles(centres + half - light, across, light), "glass"),
+    ]
+
+
+def _build_glass_doors(
+    centres: Float64Array, half: Float64Array, storey: Storey, draw: np.random.Generator
+) -> SurfaceMaterials:
+    """Build the two glass leaves of shop doors, each with a handle."""
+    is_lit = draw.random(len(centres)) < LIT_SHOP_FRACTION
+    covers = np.full(len(centres), NO_COVER)
+    handles = [
+        tube([(x + side * HANDLE_M, y - 0.06, z + end) for end in (-0.4, 0.4)], 0.018, sides=5)
+        for x, y, z in centres
+        for side in (-1, 1)
+    ]
+    return [
+        *_build_panes(centres, half, is_lit, covers, storey, draw),
+        (join_surfaces(handles), "metal"),
+    ]
+
+
+def _build_gate_ribs(centres: Float64Array, half: Float64Array, width_m: float) -> TriangleSurface:
+    """Build the ribs between the panels of gates that are rolled up."""
+    ribs = [
+        box((x - width_m / 2, y - 0.03, z + at), (x + width_m / 2, y, z + at + 0.06))
+        for (x, y, z), (*_, rise) in zip(centres, half, strict=True)
+        for at in np.arange(-rise + GATE_PANEL_M, rise - 0.06, GATE_PANEL_M)
+    ]
+    return join_surfaces(ribs)
 
 
 def _build_band(width_m: float, height_m: float, rise_m: float) -> TriangleSurface:

@@ -45,6 +45,8 @@ SILL_HEIGHT_M = 0.9
 HALL_WALLS = ("metal", "plaster_grey", "concrete")
 HALL_WINDOW_M, HALL_LINTEL_M = 1.2, 0.5
 """Height of the windows of a hall, and of the wall above them."""
+HALL_GATE_M, HALL_PIER_M = 4.2, 0.4
+"""Greatest height of the gate of a hall, and how much narrower than its bay it is."""
 SHOP_WIDTH_M, SHOP_SILL_M = 4.2, 0.5
 OVERHANG_M, PARAPET_M, PARAPET_WIDTH_M = 0.4, 0.45, 0.25
 MAX_RUN_FRACTION = 0.95
@@ -164,7 +166,7 @@ def _build_walls(
         opening_m = min(width_m, length / count - 0.6)
         door_at = count // 2 if index == front else None
         if kind.is_hall:
-            storeys = [_build_hall_storey(eaves_m, count, opening_m, door_at)]
+            storeys = [_build_hall_storey(eaves_m, count, length / count, opening_m, door_at)]
         else:
             storeys = _list_storeys(eaves_m, count, opening_m, door_at)
         if index == front:
@@ -194,11 +196,12 @@ def _list_storeys(
 
 
 def _build_hall_storey(
-    eaves_m: float, openings: int, opening_m: float, door_at: int | None
+    eaves_m: float, openings: int, bay_m: float, opening_m: float, door_at: int | None
 ) -> Storey:
     height_m = min(HALL_WINDOW_M, eaves_m / 3)
     sill_m = eaves_m - height_m - HALL_LINTEL_M
-    return Storey(0.0, eaves_m, openings, opening_m, sill_m, height_m, door_at)
+    gate_m = bay_m - HALL_PIER_M, min(HALL_GATE_M, eaves_m - HALL_LINTEL_M)
+    return Storey(0.0, eaves_m, openings, opening_m, sill_m, height_m, door_at, gate_m=gate_m)
 
 
 def _furnish_front(storeys: list[Storey], kind: _BuildingType, length_m: float) -> list[Storey]:

@@ -16,8 +16,8 @@ WINDOW_TRANSMITTANCE = 0.64
 BLIND_RATIO = 0.6
 """Light of a blind before a lit room relative to its walls': it transmits a quarter of 30 lx, walls
 reflect half of it, and panes let 85 % of that through."""
-SHOP_DAY_RATIO = 0.04
-"""Light of a shop's lamps by day relative to that on its pane: 300 lx behind 7.5 klx."""
+SHOP_DAY_RATIO = 0.02
+"""Light of a shop's lamps by day relative to that on its pane: 150 lx on shelves behind 7.5 klx."""
 CURTAIN_FRACTION = 0.17
 """Part of a window's width that the curtain at either side covers."""
 BLIND_STEPS = 8

@@ -129,3 +129,29 @@ def test_shops_have_a_sign_above_undivided_panes() -> None:
     assert sign[:, 2].max() > 2.4
     frames = of(parts, "black_plastic")
     assert len(frames.triangles) == 4 * 4 * 2
+
+
+def test_the_door_of_a_shop_is_a_pane() -> None:
+    parts = build(replace(STOREY, is_shop=True))
+    assert not any(name == "wood" for _, name in parts)
+    # A door of 1.2 m by 2.35 m among three windows of 1.2 m by 1.5 m.
+    panes = corners(of(parts, *PANES))
+    edges = panes[:, 1] - panes[:, 0], panes[:, 2] - panes[:, 0]
+    area = np.linalg.norm(np.cross(*edges), axis=1).sum() / 2.0
+    assert area == pytest.approx(3 * 1.2 * 1.5 + 1.2 * 2.35)
+
+
+def test_steps_lead_up_a_plinth_to_a_door_above_it() -> None:
+    parts = build(STOREY, style=replace(STYLE, plinth_m=0.35))
+    assert of(parts, "wood").vertices[:, 2].min() == pytest.approx(0.35)
+    below = of(parts, "concrete").vertices
+    heights = np.unique(below[(below[:, 2] > 0.0) & (below[:, 2] < 1.0), 2])
+    assert heights == pytest.approx([0.175, 0.35])
+
+
+def test_a_gate_has_a_size_of_its_own() -> None:
+    gate = of(build(replace(STOREY, gate_m=(2.6, 2.8))), "enamel_white").vertices
+    is_gate = np.abs(gate[:, 0] - -1.5) <= 1.3 + 1e-9
+    assert gate[is_gate, 2].max() == pytest.approx(2.8)
+    wall = of(build(replace(STOREY, gate_m=(2.6, 2.8))), "brick")
+    assert front_area(wall) == pytest.approx(36.0 - 3 * 1.2 * 1.5 - 2.6 * (2.8 - 0.05))
