@@ -1,22 +1,28 @@
 """Daylight at points of a grid: what walls, trees and roofs take of the sky, and what they reflect.
 
 The raster pack has light of the open sky alone. Here rays from every probe into all directions find
-the sky, or a surface with the sun's light and the sky's on it: occlusion and one bounce by day. The
-shaders take the ratio of this light to that in the open, so that the open stays as it was.
+the sky, or a surface with the sun's light, and through the air before it. Further passes add what
+surfaces reflect of the light that the probes next to them have found in the one before. The shaders
+take the ratio of this light to that in the open, so that the open stays as it was.
 
-Irradiance is linear in the normal: E(n) = (M0 + 2 n . M1) / 4, with the radiance's integral M0 and
-its first moment M1 over all directions. It is exact for a uniform sky above a dark ground.
+Few directions would miss or hit small bright things all along a wall. So the four probes of a
+square look into directions that are turned against each other; smoothing takes as much of each.
+
+Light is kept as moments of the radiance over all directions: the integral of each colour, and those
+of luminance times the polynomials of the spherical harmonics of first and second order. Irradiance
+follows from them within some per cent (Ramamoorthi and Hanrahan 2001). With the first order alone
+walls would have too much light from their sides: 6 % in all in a town.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.geometry.arrays import Float32Array, Float64Array
+from advercity.geometry.arrays import Float32Array, Float64Array, FloatArray
 from advercity.geometry.directions import spread_directions
+from advercity.geometry.poses import rotation_matrix
 from advercity.materials import MATERIALS, TRANSMITTED_BY_LEAVES, Texture
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.photometry import cubemap_directions, cubemap_solid_angles, luminance
@@ -27,10 +33,17 @@ from advercity.world import World
 PROBE_SPACING_M, MAX_PROBES_PER_EDGE = 3.0, 128
 LEVEL_HEIGHTS_M = (0.3, 1.5, 3.5, 6.5, 11.0)
 """Heights of probes above the ground."""
+AWAY_M = 1.0
+"""How far before a surface its light is looked up, so that probes behind it count little."""
+DARKEST = 0.05
+"""Least irradiance relative to the mean over all directions: few harmonics may make it negative."""
 MARGIN_M = 30.0
 """How far from the lanes there are probes."""
-DIRECTION_COUNT = 48
+DIRECTION_COUNT, TURNS = 48, 4
+"""Directions into which a probe looks; sets of them, each turned against the others."""
 MAX_RANGE_M = 200.0
+FURTHER_REFLECTIONS = 2
+"""Reflections of skylight, and of sunlight after its first; of the third, 1 % is left in a town."""
 RAY_OFFSET_M = 0.02
 GROUND_CLASSES = (
     Semantic.ROAD,
@@ -41,6 +54,11 @@ GROUND_CLASSES = (
 )
 MAX_SURFACES_ABOVE_GROUND = 8
 GROUND_CHANNEL = 3
+MOMENTS = 11
+"""Numbers of the light at a probe: integrals of radiance by colour, then of luminance times the
+polynomials of `_evaluate_polynomials`."""
+IRRADIANCE_FACTORS = np.array([2.0] * 3 + [5.0 / 16.0] + [15.0 / 4.0] * 3 + [15.0 / 16.0])
+"""Factors of the last moments, relative to the integral, on irradiance relative to its mean."""
 _ALBEDO = np.array([MATERIALS[name].albedo for name in MATERIAL_NAMES])
 _IS_LEAF = np.array([MATERIALS[name].texture is Texture.LEAVES for name in MATERIAL_NAMES])
 
@@ -50,19 +68,20 @@ class LightProbes:
     """Light at probes relative to the open.
 
     Attributes:
-        light: (levels h, w, 4) float32, level upon level: ratio of M0 to that in the open by
-            colour, then the height of the ground in metres.
-        direction: (levels h, w, 4) float32: M1 / M0 in luminance, then 1.
+        light: (levels h, w, 4) float32, level upon level: ratio of the light of all directions to
+            that in the open by colour, then the height of the ground in metres.
+        shape: Two of (levels h, w, 4) float32: the moments that depend on direction, relative to
+            the light of all directions.
         corner: South-western corner (x, y) of the grid, metres.
         size: Width and height, metres.
-        open_direction: M1 / M0 (3,) in the open.
+        open_shape: The shape (8,) in the open.
     """
 
     light: Float32Array
-    direction: Float32Array
+    shape: tuple[Float32Array, Float32Array]
     corner: tuple[float, float]
     size: tuple[float, float]
-    open_direction: Float64Array
+    open_shape: Float64Array
 
     @property
     def ground(self) -> Float32Array:
@@ -77,7 +96,9 @@ class LightProbes:
 
 
 _ONE_PROBE = np.ones((len(LEVEL_HEIGHTS_M), 1, 4), np.float32)
-NO_PROBES = LightProbes(_ONE_PROBE, _ONE_PROBE, (0.0, 0.0), (0.0, 0.0), np.zeros(3))
+NO_PROBES = LightProbes(
+    _ONE_PROBE, (_ONE_PROBE, _ONE_PROBE), (0.0, 0.0), (0.0, 0.0), np.zeros(MOMENTS - 3)
+)
 
 
 def bake_light_probes(world: World, atmosphere: Atmosphere) -> LightProbes:
@@ -85,63 +106,165 @@ def bake_light_probes(world: World, atmosphere: Atmosphere) -> LightProbes:
     if atmosphere.is_dark or not world.lanes:
         return NO_PROBES
     raycaster = Raycaster(world)
-    grid = _place_grid(world)
-    ground = _find_ground(raycaster, grid)
-    directions = spread_directions(DIRECTION_COUNT)
-    sky = _average_sky(atmosphere, directions)
-    open_mean = sky.sum(axis=0)
-    texels = np.ones((len(LEVEL_HEIGHTS_M), grid.rows, grid.columns, 8), dtype=np.float32)
-    for layer, height in zip(texels, LEVEL_HEIGHTS_M, strict=True):
-        origins = grid.list_points(ground + height)
-        mean, moment, sees_sky = _gather_light(raycaster, atmosphere, origins, directions, sky)
-        layer[..., :3] = grid.shape(mean / open_mean)
-        layer[..., 3] = ground
-        layer[..., 4:7] = grid.shape(moment / luminance(mean)[:, None])
-        _spread_light(layer, grid.shape(~sees_sky))
-    # OpenBLAS would sum in another order for every number of threads.
-    moment = np.einsum("n,nj->j", luminance(sky), directions)
-    halves = np.split(texels.reshape(-1, grid.columns, 8), 2, axis=-1)
-    light, direction = map(np.ascontiguousarray, halves)
-    return LightProbes(light, direction, grid.corner, grid.size, moment / luminance(open_mean))
+    grid = _place_grid(raycaster, world)
+    around = _Surroundings.from_atmosphere(atmosphere)
+    levels = [_gather_light(raycaster, grid, height, around) for height in LEVEL_HEIGHTS_M]
+    found = np.stack([_spread_light(grid, level, level.moments) for level in levels])
+    for _ in range(FURTHER_REFLECTIONS):
+        moments = [_add_reflections(grid, around, level, found) for level in levels]
+        found = np.stack([_spread_light(grid, *pair) for pair in zip(levels, moments, strict=True)])
+    in_the_open = around.compute_moments()
+    light = np.empty((*found.shape[:3], 4), np.float32)
+    light[..., :3] = found[..., :3] / in_the_open[:3]
+    light[..., GROUND_CHANNEL] = grid.ground
+    shape = (found[..., 3:] / _compute_mean(found)[..., None]).astype(np.float32)
+    first, second = (
+        np.ascontiguousarray(half.reshape(-1, grid.columns, 4))
+        for half in np.split(shape, 2, axis=-1)
+    )
+    return LightProbes(
+        light.reshape(-1, grid.columns, 4),
+        (first, second),
+        grid.corner,
+        grid.size,
+        in_the_open[3:] / _compute_mean(in_the_open),
+    )
 
 
-@dataclass(frozen=True)
+def compute_irradiance(moments: Float64Array, normal: FloatArray) -> Float64Array:
+    """Compute the irradiance (n, 3) in lx on surfaces of normals (n, 3) by moments (n, MOMENTS)."""
+    factors = IRRADIANCE_FACTORS * _evaluate_polynomials(normal)
+    along = np.einsum("nk,nk->n", moments[:, 3:], factors)
+    relative = np.maximum(1.0 + along / _compute_mean(moments), DARKEST)
+    return moments[:, :3] * relative[:, None] / 4.0
+
+
+def _compute_mean(moments: Float64Array) -> Float64Array:
+    """Compute the luminance (...) of moments (..., MOMENTS) without direction, never quite 0."""
+    return np.maximum(luminance(moments[..., :3]), 1e-9)
+
+
+def _evaluate_polynomials(directions: FloatArray) -> Float64Array:
+    """Evaluate the polynomials (n, 8) of harmonics along unit vectors (n, 3)."""
+    x, y, z = directions.T.astype(np.float64)
+    return np.stack([x, y, z, 3 * z * z - 1, x * y, y * z, z * x, x * x - y * y], axis=1)
+
+
+def _compute_moments(radiance: Float64Array, directions: Float64Array) -> Float64Array:
+    """Compute the moments (n, MOMENTS) of radiance (n, 3) around one direction (n, 3) of each."""
+    along = luminance(radiance)[:, None] * _evaluate_polynomials(directions)
+    return np.column_stack([radiance, along]) * (4.0 * np.pi / DIRECTION_COUNT)
+
+
+@dataclass(frozen=True, eq=False)
+class _Surroundings:
+    """Light in the open, and the air.
+
+    Attributes:
+        atmosphere: What all of it is of.
+        directions: (DIRECTION_COUNT, TURNS, 3) unit vectors.
+        sky: (DIRECTION_COUNT, TURNS, 3) radiance of the sky and the open ground around each, cd/m².
+        airlight: (DIRECTION_COUNT, TURNS, 4) as `Atmosphere` has it.
+    """
+
+    atmosphere: Atmosphere
+    directions: Float64Array
+    sky: Float64Array
+    airlight: Float64Array
+
+    @classmethod
+    def from_atmosphere(cls, atmosphere: Atmosphere) -> "_Surroundings":
+        """Average the light around each direction."""
+        turned = [
+            spread_directions(DIRECTION_COUNT) @ rotation_matrix(yaw=yaw)[:3, :3].T
+            for yaw in np.arange(TURNS) * (2.0 * np.pi / TURNS)
+        ]
+        sky, airlight = (
+            np.stack([_average_around(directions, faces) for directions in turned], axis=1)
+            for faces in (atmosphere.sky, atmosphere.airlight)
+        )
+        return cls(atmosphere, np.stack(turned, axis=1), sky, airlight)
+
+    def compute_moments(self) -> Float64Array:
+        """Compute the moments (MOMENTS,) of light in the open."""
+        sky, directions = self.sky.reshape(-1, 3), self.directions.reshape(-1, 3)
+        return _compute_moments(sky, directions).sum(axis=0) / TURNS
+
+
+def _average_around(directions: Float64Array, faces: Float32Array) -> Float64Array:
+    """Average a cubemap (6, n, n, c) over what is nearest to each direction (k, 3): (k, c)."""
+    size = faces.shape[1]
+    step = max(size // 64, 1)
+    texels = cubemap_directions(size)[:, ::step, ::step].reshape(-1, 3)
+    values = faces[:, ::step, ::step].reshape(-1, faces.shape[3]).astype(np.float64)
+    weight = np.tile(cubemap_solid_angles(size)[::step, ::step].ravel(), 6)
+    cell = np.argmax(texels @ directions.T, axis=1)
+    total = [np.bincount(cell, weight * channel, len(directions)) for channel in values.T]
+    return np.stack(total, axis=1) / np.bincount(cell, weight, len(directions))[:, None]
+
+
+@dataclass(frozen=True, eq=False)
 class _Grid:
+    """Where probes are.
+
+    Attributes:
+        corner: South-western corner (x, y), metres.
+        spacing_m: Between probes, which are in the middle of cells.
+        ground: Height (rows, columns) of the ground, below trees and roofs.
+    """
+
     corner: tuple[float, float]
     spacing_m: float
-    rows: int
-    columns: int
+    ground: Float64Array
+
+    @property
+    def columns(self) -> int:
+        """Number of probes from west to east."""
+        return self.ground.shape[1]
 
     @property
     def size(self) -> tuple[float, float]:
         """Width and height, metres."""
-        return self.columns * self.spacing_m, self.rows * self.spacing_m
+        return self.columns * self.spacing_m, len(self.ground) * self.spacing_m
 
-    def list_points(self, heights: Float64Array) -> Float32Array:
-        """List the points (n, 3) in the middle of cells, at heights (rows, columns)."""
-        x = self.corner[0] + (np.arange(self.columns) + 0.5) * self.spacing_m
-        y = self.corner[1] + (np.arange(self.rows) + 0.5) * self.spacing_m
-        points = np.stack([*np.meshgrid(x, y), heights], axis=-1)
+    @property
+    def turns(self) -> NDArray[np.uint16]:
+        """Which set of directions each probe (n,) has."""
+        row, column = np.indices(self.ground.shape)
+        return (2 * (row % 2) + column % 2).ravel().astype(np.uint16)
+
+    def list_points(self, height_m: float) -> Float32Array:
+        """List the points (n, 3) at a height above the ground."""
+        rows, columns = self.ground.shape
+        x = self.corner[0] + (np.arange(columns) + 0.5) * self.spacing_m
+        y = self.corner[1] + (np.arange(rows) + 0.5) * self.spacing_m
+        points = np.stack([*np.meshgrid(x, y), self.ground + height_m], axis=-1)
         return points.reshape(-1, 3).astype(np.float32)
 
-    def shape(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Shape values (n, ...) as (rows, columns, ...)."""
-        return values.reshape(self.rows, self.columns, *values.shape[1:])
+    def find_nearest(self, points: FloatArray) -> NDArray[np.int32]:
+        """Find the probes (n,) nearest to points (n, 3), numbered by level, row and column."""
+        place = np.floor((points[:, :2] - self.corner) / self.spacing_m).astype(np.int32)
+        last = np.array(self.ground.shape[::-1], np.int32) - 1
+        column, row = np.clip(place, 0, last).T
+        between = np.convolve(LEVEL_HEIGHTS_M, (0.5, 0.5), "valid")
+        level = np.searchsorted(between, points[:, 2] - self.ground[row, column])
+        return ((level * len(self.ground) + row) * self.columns + column).astype(np.int32)
 
 
-def _place_grid(world: World) -> _Grid:
+def _place_grid(raycaster: Raycaster, world: World) -> _Grid:
     """Place the grid around the lanes."""
     points = np.concatenate([lane.left[:, :2] for lane in world.lanes])
     low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
     spacing = max(PROBE_SPACING_M, float((high - low).max()) / MAX_PROBES_PER_EDGE)
     columns, rows = (int(count) for count in np.ceil((high - low) / spacing))
-    return _Grid((float(low[0]), float(low[1])), spacing, rows, columns)
+    level = _Grid((float(low[0]), float(low[1])), spacing, np.zeros((rows, columns)))
+    return replace(level, ground=_find_ground(raycaster, level))
 
 
 def _find_ground(raycaster: Raycaster, grid: _Grid) -> Float64Array:
     """Find the height (rows, columns) of the ground, below trees and roofs."""
     top = 500.0
-    origins = grid.list_points(np.full((grid.rows, grid.columns), top))
+    origins = grid.list_points(top)
     ground = np.full(len(origins), np.nan)
     for _ in range(MAX_SURFACES_ABOVE_GROUND):
         pending = np.flatnonzero(np.isnan(ground))
@@ -151,84 +274,125 @@ def _find_ground(raycaster: Raycaster, grid: _Grid) -> Float64Array:
         is_ground = np.isin(hits.semantic, GROUND_CLASSES) & np.isfinite(hits.range_m)
         ground[pending[is_ground]] = height[is_ground]
         origins[pending, 2] = height - RAY_OFFSET_M
-    return grid.shape(np.where(np.isnan(ground), np.nanmedian(ground), ground))
+    return np.where(np.isnan(ground), np.nanmedian(ground), ground).reshape(grid.ground.shape)
 
 
-def _average_sky(atmosphere: Atmosphere, directions: Float64Array) -> Float64Array:
-    """Average the sky and the open ground over the cell of each direction: (k, 3) in cd/m²."""
-    size = atmosphere.sky.shape[1]
-    step = max(size // 64, 1)
-    texels = cubemap_directions(size)[:, ::step, ::step].reshape(-1, 3)
-    light = atmosphere.sky[:, ::step, ::step].reshape(-1, 3).astype(np.float64)
-    weight = np.tile(cubemap_solid_angles(size)[::step, ::step].ravel(), 6)
-    cell = np.argmax(texels @ directions.T, axis=1)
-    total = [np.bincount(cell, weight * channel, len(directions)) for channel in light.T]
-    return np.stack(total, axis=1) / np.bincount(cell, weight, len(directions))[:, None]
+@dataclass(frozen=True, eq=False)
+class _GatheredLight:
+    """Light at the n probes of a level, and what their rays hit.
+
+    Attributes:
+        moments: (n, MOMENTS) of the light of the sky, the air and surfaces in the sun.
+        is_buried: (n,) whether a probe sees no sky.
+        hits: Of each direction, the surfaces that reflect more light.
+    """
+
+    moments: Float64Array
+    is_buried: NDArray[np.bool_]
+    hits: list["_ReflectingHits"]
+
+
+@dataclass(frozen=True, eq=False)
+class _ReflectingHits:
+    """Surfaces that m rays of one direction hit, turned as those of their probes are.
+
+    Attributes:
+        receiver: (m,) number of the probe on its level.
+        source: (m,) number of the probe before the surface.
+        normal: (m, 3) of the surface.
+        material: (m,) into `MATERIAL_NAMES`.
+        transmittance: (m,) of the air.
+    """
+
+    receiver: NDArray[np.int32]
+    source: NDArray[np.int32]
+    normal: NDArray[np.float16]
+    material: NDArray[np.int16]
+    transmittance: NDArray[np.float16]
 
 
 def _gather_light(
-    raycaster: Raycaster,
-    atmosphere: Atmosphere,
-    origins: Float32Array,
-    directions: Float64Array,
-    sky: Float64Array,
-) -> tuple[Float64Array, Float64Array, NDArray[np.bool_]]:
-    """Sum radiance at points (n, 3) over all directions.
-
-    Returns:
-        Sum (n, 3), its first moment's luminance (n, 3), and which points see the sky (n,).
-    """
-    mean, moment = np.zeros((len(origins), 3)), np.zeros((len(origins), 3))
+    raycaster: Raycaster, grid: _Grid, height_m: float, around: _Surroundings
+) -> _GatheredLight:
+    """Gather the light of the sky, the air and surfaces in the sun at the probes of a level."""
+    origins = grid.list_points(height_m)
+    moments = np.zeros((len(origins), MOMENTS))
     sees_sky = np.zeros(len(origins), dtype=bool)
-    for direction, from_sky in zip(directions, sky, strict=True):
-        rays = Rays(origins, np.broadcast_to(direction.astype(np.float32), origins.shape))
+    found: list[_ReflectingHits] = []
+    extinction, turns = around.atmosphere.extinction.at_550nm, grid.turns
+    for number in range(DIRECTION_COUNT):
+        directions, air = around.directions[number, turns], around.airlight[number, turns]
+        rays = Rays(origins, directions.astype(np.float32), ring=turns)
         hits = raycaster.cast(rays, MAX_RANGE_M)
-        radiance = _compute_radiance(raycaster, atmosphere, rays, hits, sky)
-        is_free = ~np.isfinite(hits.range_m)
-        radiance[is_free] = from_sky
-        sees_sky |= is_free & (direction[2] > 0.0)
-        mean += radiance
-        moment += luminance(radiance)[:, None] * direction
-    return mean, moment, sees_sky
+        is_hit = np.isfinite(hits.range_m)
+        receiver = np.flatnonzero(is_hit)
+        seen, air = hits.select(receiver), air[receiver]
+        depth = (extinction * seen.range_m.astype(np.float64))[:, None]
+        left = np.exp(-depth)
+        points = origins[receiver] + directions[receiver] * seen.range_m[:, None]
+        by_sun = _compute_sunlight(raycaster, around.atmosphere, points, seen)
+        radiance = around.sky[number, turns]
+        opacity = 1.0 - left + air[:, 3:] * (1.0 - left * (1.0 + depth))
+        radiance[receiver] = _ALBEDO[seen.material] / np.pi * by_sun * left + opacity * air[:, :3]
+        moments += _compute_moments(radiance, directions)
+        sees_sky |= ~is_hit & (directions[:, 2] > 0.0)
+        found.append(
+            _ReflectingHits(
+                receiver.astype(np.int32),
+                grid.find_nearest(points + AWAY_M * seen.normal),
+                seen.normal.astype(np.float16),
+                seen.material,
+                left[:, 0].astype(np.float16),
+            )
+        )
+    return _GatheredLight(moments, ~sees_sky, found)
 
 
-def _compute_radiance(
-    raycaster: Raycaster, atmosphere: Atmosphere, rays: Rays, hits: RayHits, sky: Float64Array
+def _compute_sunlight(
+    raycaster: Raycaster, atmosphere: Atmosphere, points: FloatArray, hits: RayHits
 ) -> Float64Array:
-    """Compute the light (n, 3) in cd/m² of what rays hit, lit by the sun and an open sky."""
+    """Compute the illuminance (n, 3) in lx by the sun at points (n, 3) of surfaces that are hit."""
     cosine = hits.normal @ atmosphere.sun_direction
     is_leaf = _IS_LEAF[hits.material]
     cosine = np.where(is_leaf & (cosine < 0.0), -TRANSMITTED_BY_LEAVES * cosine, cosine)
-    sunlit = np.flatnonzero(np.isfinite(hits.range_m) & (cosine > 0.0) & (atmosphere.sun_lx > 0.0))
-    points = rays.origins[sunlit] + rays.directions[sunlit] * hits.range_m[sunlit, None]
-    points = points + hits.normal[sunlit] * RAY_OFFSET_M
-    sun = np.broadcast_to(atmosphere.sun_direction.astype(np.float32), points.shape)
-    shadowed = np.isfinite(
-        raycaster.cast(Rays(points.astype(np.float32), sun), MAX_RANGE_M).range_m
-    )
-    sun_lx = np.zeros(len(hits.range_m))
-    sun_lx[sunlit] = np.where(shadowed, 0.0, atmosphere.sun_lx * cosine[sunlit])
-    # Directions go from the zenith down.
-    above, below = (np.pi * half.mean(axis=0) for half in np.split(sky, 2))
-    upward = (1.0 + hits.normal[:, 2:]) / 2.0
-    ambient = above * upward + below * (1.0 - upward)
-    lit = sun_lx[:, None] * np.array(atmosphere.sun_colour) + ambient
-    return _ALBEDO[hits.material] * lit / np.pi
+    facing = np.flatnonzero((cosine > 0.0) & (atmosphere.sun_lx > 0.0))
+    outside = (points[facing] + hits.normal[facing] * RAY_OFFSET_M).astype(np.float32)
+    sun = np.broadcast_to(atmosphere.sun_direction.astype(np.float32), outside.shape)
+    shadowed = np.isfinite(raycaster.cast(Rays(outside, sun), MAX_RANGE_M).range_m)
+    lux = np.zeros(len(points))
+    lux[facing] = np.where(shadowed, 0.0, atmosphere.sun_lx * cosine[facing])
+    return lux[:, None] * np.array(atmosphere.sun_colour)
 
 
-def _spread_light(layer: Float32Array, is_buried: NDArray[np.bool_]) -> None:
-    """Smooth the light of a level, which few directions make uneven.
+def _add_reflections(
+    grid: _Grid, around: _Surroundings, level: _GatheredLight, found: Float64Array
+) -> Float64Array:
+    """Add what surfaces reflect of the light (levels, rows, columns, MOMENTS) at all probes."""
+    moments, sources, turns = level.moments.copy(), found.reshape(-1, MOMENTS), grid.turns
+    for hits, directions in zip(level.hits, around.directions, strict=True):
+        lux = compute_irradiance(sources[hits.source], hits.normal.astype(np.float64))
+        radiance = _ALBEDO[hits.material] / np.pi * lux * hits.transmittance[:, None]
+        moments[hits.receiver] += _compute_moments(radiance, directions[turns[hits.receiver]])
+    return moments
+
+
+def _spread_light(grid: _Grid, level: _GatheredLight, moments: Float64Array) -> Float64Array:
+    """Smooth the light of a level, which few directions make uneven: (rows, columns, MOMENTS).
 
     Probes inside things, which see no sky, first get the light of the nearest outside.
     """
-    light = np.delete(layer, GROUND_CHANNEL, axis=-1)
+    light, is_buried = moments.copy(), level.is_buried
     if is_buried.any() and not is_buried.all():
         _, label = cv2.distanceTransformWithLabels(
-            is_buried.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+            is_buried.reshape(grid.ground.shape).astype(np.uint8),
+            cv2.DIST_L2,
+            5,
+            labelType=cv2.DIST_LABEL_PIXEL,
         )
-        label = label.astype(np.int64)
+        label = label.ravel().astype(np.int64)
         source = np.empty(int(label.max()) + 1, dtype=np.int64)
         source[label[~is_buried]] = np.flatnonzero(~is_buried)
-        light[is_buried] = light.reshape(-1, light.shape[-1])[source[label[is_buried]]]
-    for number, channel in zip((0, 1, 2, 4, 5, 6), (0, 1, 2, 3, 4, 5), strict=True):
-        layer[..., number] = cv2.GaussianBlur(light[..., channel], (3, 3), 0.0)
+        light[is_buried] = light[source[label[is_buried]]]
+    channels = light.reshape(*grid.ground.shape, MOMENTS).transpose(2, 0, 1)
+    smooth = [cv2.GaussianBlur(np.ascontiguousarray(one), (3, 3), 0.0) for one in channels]
+    return np.stack(smooth, axis=-1).astype(np.float64)

@@ -141,14 +141,15 @@ class SapienRenderer:
             "Sky": build_sky_texture(atmosphere),
             "Airlight": build_airlight_texture(atmosphere),
             "ProbeLight": self._probes.light,
-            "ProbeDirection": self._probes.direction,
+            "ProbeFirst": self._probes.shape[0],
+            "ProbeSecond": self._probes.shape[1],
         }
 
     def _write_light_parameters(self, atmosphere: Atmosphere) -> None:
         self._table.set_parameters(
             **compute_light_parameters(atmosphere),
             probe_map_extent=self._probes.extent,
-            probe_open_direction=self._probes.open_direction,
+            probe_open_shape=self._probes.open_shape.reshape(2, 4),
         )
 
     def _write_fog_beams(self, atmosphere: Atmosphere) -> None:

@@ -46,7 +46,12 @@ from advercity_sapien.lamp_shadows import (
     CELLS_PER_ROW,
     LENS_REACH,
 )
-from advercity_sapien.light_probes import LEVEL_HEIGHTS_M
+from advercity_sapien.light_probes import (
+    AWAY_M,
+    DARKEST,
+    IRRADIANCE_FACTORS,
+    LEVEL_HEIGHTS_M,
+)
 from advercity_sapien.material_textures import MAX_ROUGHNESS_RATIO
 from advercity_sapien.shader_table import (
     FOG_BEAM_SCALE,
@@ -150,7 +155,11 @@ def _format_constants() -> Iterator[str]:
     yield f"const vec3 FOG_BEAM_PER_ROOT = {_format_vector(per_root)};"
     yield f"const int PROBE_LEVELS = {len(LEVEL_HEIGHTS_M)};"
     heights = ", ".join(map(_float, LEVEL_HEIGHTS_M))
+    yield f"const float PROBE_AWAY = {_float(AWAY_M)};"
+    yield f"const float PROBE_DARKEST = {_float(DARKEST)};"
     yield f"const float PROBE_HEIGHTS[PROBE_LEVELS] = float[]({heights});"
+    factors = ", ".join(_float(float(value)) for value in IRRADIANCE_FACTORS)
+    yield f"const mat2x4 IRRADIANCE_FACTORS = mat2x4({factors});"
     yield f"const ivec2 REACH_CELL = ivec2({CELL_COLUMNS}, {CELL_ROWS});"
     yield f"const int REACH_CELLS_PER_ROW = {CELLS_PER_ROW};"
     for name, layout in (("BEAM", BEAM_REACH), ("LENS", LENS_REACH)):

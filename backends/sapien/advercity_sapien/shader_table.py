@@ -109,8 +109,8 @@ PARAMETERS = (
     Parameter("snow_in_ruts", "snowInRuts", 16, "z"),
     Parameter("frame_index", "frameIndex", 16, "w"),
     Parameter("shelter_map_extent", "shelterMapExtent", 17, "xyzw"),
-    Parameter("probe_open_direction", "probeOpenDirection", 18, "xyz"),
     Parameter("ice_cover", "iceCover", 18, "w"),
+    Parameter("probe_open_shape", "probeOpenShape", 19, "xyzw", count=2),
 )
 SECTIONS = (
     Section("parameters", COLUMNS),
@@ -131,7 +131,8 @@ SCENE_TEXTURES = (
     SceneTexture("Puddles", "R32Sfloat", "repeat", "metallic"),
     SceneTexture("Shelter", "R32G32Sfloat", "edge", "normal"),
     SceneTexture("ProbeLight", "R32G32B32A32Sfloat", "edge", None),
-    SceneTexture("ProbeDirection", "R32G32B32A32Sfloat", "edge", None),
+    SceneTexture("ProbeFirst", "R32G32B32A32Sfloat", "edge", None),
+    SceneTexture("ProbeSecond", "R32G32B32A32Sfloat", "edge", None),
     SceneTexture("Contact", "R8Unorm", "edge", None),
     SceneTexture("LampReach", "R32Sfloat", "edge", None),
 )

@@ -35,5 +35,5 @@ float snowBetweenRuts() { return texelFetch(samplerTable, ivec2(16, 0), 0).y; }
 float snowInRuts() { return texelFetch(samplerTable, ivec2(16, 0), 0).z; }
 float frameIndex() { return texelFetch(samplerTable, ivec2(16, 0), 0).w; }
 vec4 shelterMapExtent() { return texelFetch(samplerTable, ivec2(17, 0), 0).xyzw; }
-vec3 probeOpenDirection() { return texelFetch(samplerTable, ivec2(18, 0), 0).xyz; }
 float iceCover() { return texelFetch(samplerTable, ivec2(18, 0), 0).w; }
+vec4 probeOpenShape(int i) { return texelFetch(samplerTable, ivec2(19 + i, 0), 0).xyzw; }

@@ -13,11 +13,12 @@ layout(set = 2, binding = 5) uniform sampler2D samplerWear;
 layout(set = 2, binding = 6) uniform sampler2D samplerPuddles;
 layout(set = 2, binding = 7) uniform sampler2D samplerShelter;
 layout(set = 2, binding = 8) uniform sampler2D samplerProbeLight;
-layout(set = 2, binding = 9) uniform sampler2D samplerProbeDirection;
-layout(set = 2, binding = 10) uniform sampler2D samplerContact;
-layout(set = 2, binding = 11) uniform sampler2D samplerRelief;
+layout(set = 2, binding = 9) uniform sampler2D samplerProbeFirst;
+layout(set = 2, binding = 10) uniform sampler2D samplerProbeSecond;
+layout(set = 2, binding = 11) uniform sampler2D samplerContact;
+layout(set = 2, binding = 12) uniform sampler2D samplerRelief;
 
-layout(set = 2, binding = 12) uniform sampler2D samplerLampReach;
+layout(set = 2, binding = 13) uniform sampler2D samplerLampReach;
 
 // Radiance of surfaces, without the air before them, and depth.
 layout(location = 0) out vec4 outLit;
@@ -150,8 +151,9 @@ void main() {
   float cosine = -dot(ray, s.normal);
   vec3 fromSky = skyIrradiance(s.normal);
   if (s.through > 0.0) fromSky += s.through * skyIrradiance(-s.normal);
+  ProbeLight probe = probeLight(position, normal.xyz);
   vec3 ambient = s.albedo * coatTransmittance(s, cosine) * fromSky / PI
-      * probeRatio(position, normal.xyz);
+      * irradianceRatio(probe, normal.xyz);
   // In the dark hardly any light is from the sky, so its occlusion is not worth the time.
   float occlusion = isDark() ? 1.0
       : ambientOcclusion(place, depth, normal.xyz, s.through > 0.0, gl_FragCoord.xy);
@@ -162,7 +164,7 @@ void main() {
     outMirror = vec4(s.normal.xy, mirrored.g * mirrorsSky(position), s.alpha);
   } else if (mirrored.g > 0.0) {
     vec3 mirror = reflect(ray, s.normal);
-    radiance += mirrored * skyLobe(mirror, s.alpha) * probeRatio(position, mirror);
+    radiance += mirrored * skyLobe(mirror, s.alpha) * irradianceRatio(probe, mirror);
   }
   outLit = vec4(radiance, depth);
 }

@@ -1,6 +1,6 @@
 // Daylight near walls and trees relative to that in the open, as baked by light_probes.py.
-// Needs shader_constants.glsl, shader_table.glsl, samplerProbeLight, samplerProbeDirection
-// and samplerContact.
+// Needs shader_constants.glsl, shader_table.glsl, samplerProbeLight, samplerProbeFirst,
+// samplerProbeSecond and samplerContact.
 
 // Texel of a level's map; levels lie above each other in the texture.
 vec4 probeTexel(sampler2D probes, vec2 at, int level) {
@@ -26,29 +26,50 @@ float mirrorsSky(vec3 position) {
   return smoothstep(UNDER, OUTSIDE, contactRatio(at, height));
 }
 
-// Ratio of the irradiance on a surface of normal n to that in the open.
-vec3 probeRatio(vec3 position, vec3 n) {
-  const float AWAY = 1.0;  // metres from the surface, so that probes behind it count little
+// Light of the probes around a point.
+struct ProbeLight {
+  vec3 ratio;      // of the mean over all directions to that in the open
+  mat2x4 shape;    // moments that depend on direction, relative to that mean
+  float contact;   // fraction that things on the ground leave
+  float fraction;  // how much of all this counts: none beyond the map's edges
+};
+
+// Light before a surface of normal n, so that probes behind it count little.
+ProbeLight probeLight(vec3 position, vec3 n) {
   const float FADE = 0.04;  // fraction of the map, at its edges
-  const float DARKEST = 0.05;
-  const float SIDE_FRACTION = 0.35;  // of the light on a body's side, from the dark ground at it
   vec4 map = probeMapExtent();
-  vec2 at = (position.xy + AWAY * n.xy - map.xy) * map.zw;
+  vec2 at = (position.xy + PROBE_AWAY * n.xy - map.xy) * map.zw;
   vec2 inside = smoothstep(vec2(0.0), vec2(FADE), 0.5 - abs(at - 0.5));
-  if (inside.x * inside.y <= 0.0) return vec3(1.0);
+  if (inside.x * inside.y <= 0.0) return ProbeLight(vec3(1.0), mat2x4(0.0), 1.0, 0.0);
   vec4 low = probeTexel(samplerProbeLight, at, 0);
-  float height = position.z + AWAY * n.z - low.a;
+  float height = position.z - low.a;
   int level = 0;
   while (level < PROBE_LEVELS - 2 && height > PROBE_HEIGHTS[level + 1]) ++level;
   float part = clamp((height - PROBE_HEIGHTS[level])
       / (PROBE_HEIGHTS[level + 1] - PROBE_HEIGHTS[level]), 0.0, 1.0);
   vec3 light = mix(probeTexel(samplerProbeLight, at, level).rgb,
       probeTexel(samplerProbeLight, at, level + 1).rgb, part);
-  vec3 direction = mix(probeTexel(samplerProbeDirection, at, level).xyz,
-      probeTexel(samplerProbeDirection, at, level + 1).xyz, part);
-  light *= max(1.0 + 2.0 * dot(direction, n), DARKEST)
-      / max(1.0 + 2.0 * dot(probeOpenDirection(), n), DARKEST);
-  light *= mix(1.0, contactRatio((position.xy - map.xy) * map.zw, position.z - low.a),
-      max(abs(n.z), SIDE_FRACTION));
-  return mix(vec3(1.0), light, inside.x * inside.y);
+  mat2x4 shape = mat2x4(mix(probeTexel(samplerProbeFirst, at, level),
+      probeTexel(samplerProbeFirst, at, level + 1), part),
+      mix(probeTexel(samplerProbeSecond, at, level),
+      probeTexel(samplerProbeSecond, at, level + 1), part));
+  float contact = contactRatio((position.xy - map.xy) * map.zw, height);
+  return ProbeLight(light, shape, contact, inside.x * inside.y);
+}
+
+// Irradiance on a surface of normal n by light of a shape, relative to the mean over all normals.
+float relativeIrradiance(mat2x4 shape, vec3 n) {
+  vec4 first = vec4(n, 3.0 * n.z * n.z - 1.0), second = vec4(n * n.yzx, n.x * n.x - n.y * n.y);
+  float along = dot(shape[0], IRRADIANCE_FACTORS[0] * first)
+      + dot(shape[1], IRRADIANCE_FACTORS[1] * second);
+  return max(1.0 + along, PROBE_DARKEST);
+}
+
+// Ratio of the irradiance on a surface of normal n to that in the open.
+vec3 irradianceRatio(ProbeLight probe, vec3 n) {
+  const float SIDE_FRACTION = 0.35;  // of the light on a body's side, from the dark ground at it
+  mat2x4 inTheOpen = mat2x4(probeOpenShape(0), probeOpenShape(1));
+  vec3 ratio = probe.ratio * relativeIrradiance(probe.shape, n) / relativeIrradiance(inTheOpen, n);
+  ratio *= mix(1.0, probe.contact, max(abs(n.z), SIDE_FRACTION));
+  return mix(vec3(1.0), ratio, probe.fraction);
 }
