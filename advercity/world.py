@@ -40,7 +40,7 @@ class Body:
     with_umbrella: "Body | None" = None
     """The same body holding an umbrella, which extends beyond the box."""
     others: tuple["Body", ...] = ()
-    """Bodies of other people of the blueprint, each in a box of the same size."""
+    """Bodies of other people, or semi-trailers, of the blueprint, in boxes of the same size."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from advercity_dsl import ActorClass, Blueprint, LampPositions
 from advercity.assets.cabins import build_model_cabin
 from advercity.assets.cargo_boxes import build_model_cargo_trim
 from advercity.assets.cars import build_car, build_van
-from advercity.assets.lorries import build_semitrailer, build_tractor
+from advercity.assets.lorries import build_tractor
 from advercity.assets.model_conversion import format_model_name
 from advercity.assets.model_files import read_glb
 from advercity.assets.model_images import find_images_file, name_image, read_images
@@ -19,6 +19,7 @@ from advercity.assets.model_wheels import find_model_wheels
 from advercity.assets.pedestrians import build_pedestrian, build_people, draw_looks
 from advercity.assets.people.storage import read_people
 from advercity.assets.rigged_bodies import fit_to_box
+from advercity.assets.semitrailers import build_semitrailers
 from advercity.assets.trucks import build_truck
 from advercity.assets.two_wheelers import build_bicycle, build_model_rider, build_motorcycle
 from advercity.assets.vehicle_parts import add_indicators, make_vehicle_parts
@@ -75,6 +76,11 @@ def build_body(
     body = _build_fitted_body(blueprint_id, blueprint, model_store)
     if blueprint.actor_class in ("pedestrian", "bicycle"):
         return body
+    first, *others = map(_add_indicators, (body, *body.others))
+    return replace(first, others=tuple(others))
+
+
+def _add_indicators(body: Body) -> Body:
     parts = [_clip_to_box(part, body.size) for part in add_indicators(body.parts)]
     return replace(body, parts=tuple(parts))
 
@@ -111,7 +117,11 @@ def _build_fitted_body(blueprint_id: str, blueprint: Blueprint, store: ModelStor
     elif blueprint.tows:
         parts = build_tractor(blueprint_id, size, blueprint.tows)
     elif blueprint.semitrailer:
-        parts = build_semitrailer(blueprint_id, size, blueprint.semitrailer)
+        first, *others = (
+            fit_to_box(Body(tuple(build_meshes(parts)), size), size)
+            for parts in build_semitrailers(blueprint_id, size, blueprint.semitrailer)
+        )
+        return replace(first, others=tuple(others))
     else:
         parts = _PART_BUILDERS[actor_class](blueprint_id, size)
     return fit_to_box(Body(tuple(build_meshes(parts)), size), size)

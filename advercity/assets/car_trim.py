@@ -18,13 +18,15 @@ from advercity.geometry.mesh import (
     normalize,
     xyz,
 )
-from advercity.geometry.primitives import box, ellipsoid, tube
+from advercity.geometry.primitives import box, ellipsoid, loft_rings, tube
 from advercity.materials import ACTOR_PAINT
 
 GAP_M, GAP_LIFT_M = 0.009, 0.003
 """Width of gaps between panels, and their distance from the surface."""
 _CAB_DOOR = (0.14, 0.71)
 """Stations of the door of a cab."""
+_CAB_STEP = 0.2
+"""Station of the steps to it."""
 _LATCHBACK_STATION = 0.93
 """Rear windows that end before this station have a boot lid behind them."""
 
@@ -34,7 +36,7 @@ def build_trim(blueprint_id: str, body: CarSurface, width: float) -> list[MeshPa
     return [
         *_build_plates(blueprint_id, body),
         *_build_grille(body),
-        *_build_mirrors(body, width),
+        *(_build_cab_trim(body, width) if body.form.is_cab else _build_mirrors(body, width)),
         *_build_gaps(body),
         *_build_handles(body),
         *_build_wipers(body),
@@ -85,6 +87,42 @@ def _build_mirrors(body: CarSurface, width: float) -> list[MeshPart]:
         *make_vehicle_parts(ACTOR_PAINT, add_mirror_image(cap)),
         *make_vehicle_parts("chrome", add_mirror_image(glass)),
     ]
+
+
+def _build_cab_trim(body: CarSurface, width: float) -> list[MeshPart]:
+    """Build what only the cabs of trucks have: tall mirrors, a visor, and steps to the doors."""
+    (pillar,) = body.locate(COWL + 0.9, [6.6])
+    low, high, x = pillar[2] - 0.28, pillar[2] + 0.24, pillar[0] + 0.06
+    outer = width / 2
+    arms = [
+        tube([(pillar[0] - 0.1, pillar[1] - 0.04, z), (x, outer - 0.1, z)], 0.018, sides=5)
+        for z in (low + 0.07, high - 0.07)
+    ]
+    housing = box((x - 0.03, outer - 0.24, low), (x + 0.06, outer, high))
+    glass = box((x - 0.034, outer - 0.225, low + 0.02), (x - 0.028, outer - 0.015, high - 0.02))
+    (side,) = body.locate(float(body.u_at(np.array([_CAB_STEP]))[0]), [2.2])
+    wells, treads = (
+        [
+            add_mirror_image(box(side + xyz(-0.19, -0.1, z), side + xyz(0.19, lift, z + rise)))
+            for z in (-0.16, 0.12)
+        ]
+        for lift, rise in ((0.012, 0.2), (0.03, 0.03))
+    )
+    return [
+        *make_vehicle_parts("black_plastic", *map(add_mirror_image, (*arms, housing)), *wells),
+        *make_vehicle_parts("rubber", _build_visor(body)),
+        *make_vehicle_parts("chrome", add_mirror_image(glass)),
+        *make_vehicle_parts("metal", *treads),
+    ]
+
+
+def _build_visor(body: CarSurface) -> TriangleSurface:
+    """Build the visor over the windscreen."""
+    v = np.linspace(7.6, CENTRE, 5)
+    edge = body.locate(np.full(5, HEADER - 0.05), v)
+    across = np.concatenate([edge, edge[-2::-1] * (1, -1, 1)])
+    section = np.array([(-0.03, 0, 0.0), (0.2, 0, -0.13), (0.2, 0, -0.10), (-0.03, 0, 0.05)])
+    return loft_rings(across[:, None] + section)
 
 
 def _build_gaps(body: CarSurface) -> list[MeshPart]:

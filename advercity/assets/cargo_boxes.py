@@ -6,13 +6,27 @@ from typing import NamedTuple
 import numpy as np
 
 from advercity.assets.lettering import WritingPlane, fit_height, write_text
-from advercity.assets.vehicle_parts import make_vehicle_parts
-from advercity.geometry.mesh import MeshPart, TriangleSurface, add_mirror_image
+from advercity.assets.vehicle_parts import make_vehicle_parts, set_layer
+from advercity.geometry.mesh import MeshLayer, MeshPart, TriangleSurface, add_mirror_image
 from advercity.geometry.primitives import box, rectangles, tube
-from advercity.materials import ACTOR_PAINT
 from advercity.randomness import create_generator
 
-_HAULIERS = "BREAD DAILY", "FJELL GLASS", "MOVING HOME", "QUICK PARCELS", "RIVER PAPER", "SOFA HAUL"
+
+class Haulier(NamedTuple):
+    """A fictional haulier: its name, and the paint behind it on white boxes."""
+
+    name: str
+    paint: str
+
+
+_HAULIERS = (
+    Haulier("BREAD DAILY", "car_paint_orange"),
+    Haulier("FJELL GLASS", "car_paint_navy"),
+    Haulier("MOVING HOME", "car_paint_red"),
+    Haulier("QUICK PARCELS", "car_paint_blue"),
+    Haulier("RIVER PAPER", "car_paint_green"),
+    Haulier("SOFA HAUL", "car_paint_wine"),
+)
 _MIN_CARGO_M3 = 8.0
 """Volume above which a white box of a truck's model is its cargo box."""
 _BOX_TRIANGLES = 12
@@ -46,17 +60,18 @@ def build_cargo_trim(blueprint_id: str, cargo: CargoBox) -> list[MeshPart]:
     """Build what is on a cargo box: frame, doors, and the haulier's name on a stripe."""
     rear, front, side, low, _ = cargo
     out = side + 0.01
+    (haulier,) = draw_hauliers(blueprint_id, 1)
     stripe = box((rear + 0.3, -out, low + 0.5), (front - 0.34, out, low + 0.95))
     return [
-        *make_vehicle_parts(ACTOR_PAINT, stripe),
+        *make_vehicle_parts(haulier.paint, stripe),
         *write_haulier(
-            blueprint_id,
+            haulier.name,
             ((rear + front - 0.04) / 2, out, low + 0.725),
             0.85 * (front - rear - 0.64),
             0.26,
         ),
         *build_cargo_frame(cargo),
-        *build_cargo_doors(cargo),
+        *build_cargo_doors(haulier, cargo),
     ]
 
 
@@ -80,8 +95,8 @@ def build_cargo_frame(cargo: CargoBox) -> list[MeshPart]:
     return make_vehicle_parts("metal", *map(add_mirror_image, (*posts, *rails)), *lintels)
 
 
-def build_cargo_doors(cargo: CargoBox) -> list[MeshPart]:
-    """Build two rear doors: the rubber seal around them, locking bars, handles and hinges."""
+def build_cargo_doors(haulier: Haulier, cargo: CargoBox) -> list[MeshPart]:
+    """Build two rear doors: seal, locking bars, handles, hinges, markings and a haulier's name."""
     rear, _, side, low, high = cargo
     seals = [
         *_build_outline(rear - 0.006, (side - 0.1, low + 0.12, high - 0.1), 0.05),
@@ -105,6 +120,32 @@ def build_cargo_doors(cargo: CargoBox) -> list[MeshPart]:
         *make_vehicle_parts("black_plastic", *seals),
         *make_vehicle_parts("sign_red", *markings),
         *make_vehicle_parts("metal", *map(add_mirror_image, (*bars, *handles, *hinges))),
+        *set_layer(MeshLayer.DETAIL, _build_rear_name(haulier, cargo)),
+        *set_layer(MeshLayer.DETAIL, _build_marking_plates(cargo)),
+    ]
+
+
+def _build_rear_name(haulier: Haulier, cargo: CargoBox) -> list[MeshPart]:
+    """Build a haulier's name on a stripe of paint across the doors, above the cars behind."""
+    rear, side, height = cargo.rear - 0.003, cargo.side - 0.16, 0.16 * (cargo.high - cargo.low)
+    z = cargo.high - 0.24 - height / 2
+    stripe = rectangles([(rear, 0, z)], (0, -side, 0), (0, 0, height / 2))
+    text_m = fit_height(haulier.name, 0.6 * height, 1.8 * side)
+    text = write_text(haulier.name, WritingPlane((rear, 0, z), (0, -1, 0)), text_m)
+    return [
+        *make_vehicle_parts(haulier.paint, stripe),
+        *make_vehicle_parts("car_paint_white", text),
+    ]
+
+
+def _build_marking_plates(cargo: CargoBox) -> list[MeshPart]:
+    """Build the plates of UN Regulation 70 for heavy or long vehicles: yellow in a red frame."""
+    places = [(cargo.rear - 0.004, y, cargo.low + 0.26) for y in (-0.68, 0.68)]
+    frames = rectangles(places, (0, -0.2825, 0), (0, 0, 0.0975))
+    fields = rectangles(np.subtract(places, (0.002, 0, 0)), (0, -0.2425, 0), (0, 0, 0.0575))
+    return [
+        *make_vehicle_parts("sign_red", frames),
+        *make_vehicle_parts("sign_yellow", fields),
     ]
 
 
@@ -121,19 +162,24 @@ def _build_outline(
     ]
 
 
+def draw_hauliers(blueprint_id: str, count: int) -> list[Haulier]:
+    """Draw different hauliers."""
+    order = create_generator("haulier", blueprint_id).permutation(len(_HAULIERS))
+    return [_HAULIERS[number] for number in order[:count]]
+
+
 def write_haulier(
-    blueprint_id: str, place: tuple[float, float, float], length_m: float, height_m: float
+    name: str, place: tuple[float, float, float], length_m: float, height_m: float
 ) -> list[MeshPart]:
-    """Write the name of a fictional haulier on both flanks, no longer or higher than a size.
+    """Write the name of a haulier on both flanks, no longer or higher than a size.
 
     Args:
-        blueprint_id: Draws the name.
+        name: What is written.
         place: Middle of the name on the left flank (3,).
         length_m: Length up to which it is written.
         height_m: Height up to which it is written.
     """
     x, side, z = place
-    name = str(create_generator("haulier", blueprint_id).choice(_HAULIERS))
     height_m = fit_height(name, height_m, length_m)
     texts = [
         write_text(name, WritingPlane((x, sign * side, z), (-sign, 0, 0)), height_m)

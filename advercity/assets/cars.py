@@ -44,6 +44,8 @@ class _Region(NamedTuple):
 
 _DARK, _GLASS = "black_plastic", "glass"
 _HEADLAMP_COLUMNS, _TAIL_LAMP = (1.5, 3.1), ((16.95, 18.75), (3.9, 5.55))
+_CAB_INTAKE_ROWS = (2.0, 2.6)
+"""Rows of the lower air intake of a truck's cab."""
 _LAMP_DEPTH_M, _LINING_M = 0.05, 0.015
 _REAR_WINDOW = (
     _Region(_DARK, (REAR_HEADER, REAR_FOOT), (7.42, 10)),
@@ -178,6 +180,7 @@ def _list_regions(body: CarSurface) -> list[_Region]:
         _Region(_DARK, (0, 20 if form.is_cab else 1.9), (1, 2.0 if form.is_cab else 2.6)),
         _Region(_DARK, (18.2, 20), (1, 2.0)),
         _Region(_DARK, (0, 1.1), form.grille_rows),
+        *((_Region(_DARK, (0, 1.1), _CAB_INTAKE_ROWS),) if form.is_cab else ()),
         _Region(_DARK, (7.14, panes[-1][1]), (6, 7.06)),
         *(_Region(_GLASS, ends, (6.13, 6.9)) for ends in panes),
         _Region(_DARK, (COWL, HEADER), (7.06, 10)),

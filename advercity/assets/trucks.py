@@ -10,7 +10,8 @@ from advercity.assets.car_surface import CarSurface
 from advercity.assets.cargo_boxes import CargoBox, build_cargo_trim
 from advercity.assets.cars import build_body_on_wheels
 from advercity.assets.lettering import build_number_plate
-from advercity.assets.vehicle_parts import build_axle, make_vehicle_parts
+from advercity.assets.truck_wheels import build_truck_axle
+from advercity.assets.vehicle_parts import make_vehicle_parts
 from advercity.geometry.mesh import (
     MeshPart,
     Size,
@@ -168,8 +169,8 @@ def build_rear_lamps(blueprint_id: str, rear: float, half: float, z: float) -> l
 def _build_axles(stations: tuple[float, float], half: float, radius: float) -> list[MeshPart]:
     front, rear = stations
     return [
-        *build_axle(front, half - 0.01, radius, 0.30, is_steered=True),
-        *build_axle(rear, half - 0.02, radius, 0.58),
+        *build_truck_axle(front, half - 0.01, radius, 0.30, is_steered=True),
+        *build_truck_axle(rear, half - 0.02, radius, 0.58),
     ]
 
 

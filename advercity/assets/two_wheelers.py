@@ -42,7 +42,7 @@ _GEAR_RATIO = 2.5
 # Poses repeat after a turn of the cranks, so wheels must look the same after it.
 assert (_GEAR_RATIO * SPOKE_COUNT).is_integer()
 _CRANK_M = 0.165
-_FIN_COUNT = 7
+_FIN_COUNT = 6
 _SPORT_LEAN_DEG = 15.0
 """Riders of model motorcycles who lean less are dressed as on a scooter."""
 
@@ -263,11 +263,11 @@ def build_motorcycle(blueprint_id: str, size: Size) -> Body:
     head = xyz(front[0] - (0.30 if cruiser else 0.20), z=0.60 * height)
     grip = head + xyz(-0.14 if cruiser else -0.08, width / 2 - 0.05, 0.10 if cruiser else 0.02)
     bars = [grip * (1, -1, 1) - (0.08, 0.04, 0), head, grip + xyz(-0.08, 0.04, 0)]
-    shell = (
-        _build_scooter_shell(front, saddle, head)
-        if scooter
-        else _build_motorcycle_shell(rear, saddle, head)
-    )
+    if scooter:
+        shell = _build_scooter_shell(front, saddle, head)
+    else:
+        fairing = [] if cruiser else [_build_fairing(saddle, head)]
+        shell = [*_build_motorcycle_shell(rear, saddle, head), *fairing]
     fork = add_mirror_image(tube([front + xyz(0, 0.08, 0), head + xyz(0, 0.08, 0)], 0.028, sides=6))
     seat = ellipsoid(saddle + xyz(-0.08, 0, 0.03), (0.30, 0.13, 0.065), sides=10, bands=5)
     fenders = [_build_fender(hub, radius) for hub in (front, rear)]
@@ -281,7 +281,9 @@ def build_motorcycle(blueprint_id: str, size: Size) -> Body:
     parts = [
         *make_vehicle_parts(ACTOR_PAINT, *shell, *fenders),
         *make_vehicle_parts("black_plastic", tube(bars, 0.02, sides=6), seat),
-        *make_vehicle_parts("metal", fork, *_build_engine(rear, length, scooter)),
+        *make_vehicle_parts("metal", fork, *([] if scooter else _build_engine(rear, length))),
+        *(_build_cruiser_trim(rear, head, length) if cruiser else _build_exhaust(rear)),
+        *_build_mirrors(grip),
         *make_vehicle_parts("lamp_white", headlamp),
         *make_vehicle_parts("lamp_red", tail_lamp),
         *_build_motorcycle_wheel(front, radius),
@@ -353,9 +355,45 @@ def _build_motorcycle_shell(
     tank += [(x1 - 0.14, z + 0.08, 0.15, 0.13), (x1 - 0.02, z + 0.04, 0.09, 0.08)]
     tail = [(rear[0] - 0.10, z + 0.05, 0.04, 0.03), (rear[0] + 0.05, z + 0.0, 0.09, 0.06)]
     tail += [(x0, z - 0.06, 0.12, 0.08)]
-    fairing = [(x1 - 0.30, z - 0.28, 0.13, 0.12), (x1 - 0.08, z - 0.14, 0.18, 0.24)]
-    fairing += [(x1 + 0.10, z + 0.02, 0.16, 0.16), (x1 + 0.17, z + 0.06, 0.07, 0.08)]
-    return [_build_hull(tank), _build_hull(tail), _build_hull(fairing)]
+    return [_build_hull(tank), _build_hull(tail)]
+
+
+def _build_fairing(saddle: Float64Array, head: Float64Array) -> TriangleSurface:
+    x, z = head[0], saddle[2]
+    stations = [(x - 0.30, z - 0.28, 0.13, 0.12), (x - 0.08, z - 0.14, 0.18, 0.24)]
+    stations += [(x + 0.10, z + 0.02, 0.16, 0.16), (x + 0.17, z + 0.06, 0.07, 0.08)]
+    return _build_hull(stations)
+
+
+def _build_cruiser_trim(rear: Float64Array, head: Float64Array, length: float) -> list[MeshPart]:
+    """Build the down tubes of the frame, and two long exhausts on the right."""
+    foot = xyz(0.08 * length, 0.08, 0.32)
+    frame = add_mirror_image(tube([head + xyz(-0.03, 0.03, -0.1), foot], 0.022, sides=6))
+    bends = [(0.2, -0.14, 0.6), (0.3, -0.17, 0.36), (-0.1, -0.18, 0.27)]
+    exhausts = [
+        tube(
+            [*np.array(bends) + xyz(-shift, z=lift), rear + xyz(-0.1, -0.18, lift)], radii, sides=6
+        )
+        for shift, lift, radii in ((0.0, 0.0, (0.03, 0.03, 0.04, 0.05)), (0.3, 0.11, 0.04))
+    ]
+    return [
+        *make_vehicle_parts("black_plastic", frame),
+        *make_vehicle_parts("chrome", *exhausts),
+    ]
+
+
+def _build_exhaust(rear: Float64Array) -> list[MeshPart]:
+    pipe = [xyz(0.1, z=0.24), xyz(-0.2, z=0.22), rear + xyz(-0.10, 0, 0.03)]
+    exhaust = tube(np.array(pipe) + xyz(0, -0.16, 0), [0.03, 0.035, 0.05], sides=8)
+    return make_vehicle_parts("metal", exhaust)
+
+
+def _build_mirrors(grip: Float64Array) -> list[MeshPart]:
+    """Build two round mirrors on stems beside the grips."""
+    middle = grip + xyz(0.05, -0.06, 0.16)
+    stem = tube([grip + xyz(0.03, -0.1, 0.0), middle], 0.008, sides=4)
+    mirror = ellipsoid(middle, (0.015, 0.055, 0.045), sides=6, bands=3)
+    return make_vehicle_parts("black_plastic", *map(add_mirror_image, (stem, mirror)))
 
 
 def _build_scooter_shell(
@@ -375,21 +413,14 @@ def _build_scooter_shell(
     return [_build_hull(rear), floor, shield]
 
 
-def _build_engine(rear: Float64Array, length: float, scooter: bool) -> list[TriangleSurface]:
-    pipe = [xyz(0.1, z=0.24), xyz(-0.2, z=0.22), rear + xyz(-0.10, 0, 0.03)]
-    exhaust = tube(np.array(pipe) + xyz(0, -0.16, 0), [0.03, 0.035, 0.05], sides=8)
-    if scooter:
-        return [exhaust]
+def _build_engine(rear: Float64Array, length: float) -> list[TriangleSurface]:
     half = 0.08 * length
     crankcase = box((-half - 0.02, -0.15, 0.22), (half + 0.02, 0.15, 0.42))
     cylinders = [
         _build_finned_cylinder(xyz(0.0, z=0.38), xyz(0.26 * lean, z=0.66)) for lean in (-0.55, 0.75)
     ]
-    place = xyz(half + 0.14, z=0.47)
-    half_size = np.array([0.02, 0.17, 0.15])
-    radiator = box(place - half_size, place + half_size)
     arm = add_mirror_image(tube([xyz(-0.05, 0.09, 0.36), rear + xyz(y=0.09)], 0.03, sides=4))
-    return [exhaust, crankcase, *cylinders, radiator, arm]
+    return [crankcase, *cylinders, arm]
 
 
 def _build_finned_cylinder(foot: Float64Array, head: Float64Array) -> TriangleSurface:

@@ -1,6 +1,6 @@
 """Builds parts that vehicles of several classes have: wheels and indicators."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +39,9 @@ _OUTER_FRACTION = 0.75
 """Lateral position of the vertices that an indicator is placed by, as a fraction of the lens's."""
 _MIN_LATERAL_M = 0.09
 
+WheelBuilder = Callable[[Float64Array, float, float], list[MeshPart]]
+"""Builds a left-hand wheel from the centre (3,) of its outer face, its radius and its width, m."""
+
 
 def make_vehicle_parts(
     material: str, *surfaces: TriangleSurface, wheel: Wheel | None = None
@@ -52,8 +55,27 @@ def set_layer(layer: MeshLayer, parts: Iterable[MeshPart]) -> list[MeshPart]:
     return [replace(part, layer=layer) for part in parts]
 
 
+def build_alloy_wheel(face: Float64Array, radius_m: float, width_m: float) -> list[MeshPart]:
+    """Build tyre, rim and spokes of a left-hand wheel around the centre (3,) of its outer face."""
+    radius = np.array([0.66, 0.93, 1.0, 1.0, 0.8]) * radius_m
+    y = -np.array([0.10, 0.0, 0.14, 0.86, 1.0]) * width_m
+    tyre = revolve_profile(np.column_stack([radius, y]), face, sides=_WHEEL_SIDES)
+    ring = np.array([(0.70, -0.06), (0.62, -0.01), (0.60, -0.10)]) * (radius_m, width_m)
+    rim = revolve_closed_profile(ring, face, sides=_WHEEL_SIDES)
+    star = _compute_spoke_outline() * radius_m
+    sides = [star - xyz(y=0.12 * width_m), star - xyz(y=0.02 * width_m)]
+    spokes = loft_rings(np.stack(sides) + face)
+    return [*make_vehicle_parts("rubber", tyre), *make_vehicle_parts("metal", rim, spokes)]
+
+
 def build_axle(
-    x_m: float, outer_y_m: float, radius_m: float, width_m: float, *, is_steered: bool = False
+    x_m: float,
+    outer_y_m: float,
+    radius_m: float,
+    width_m: float,
+    *,
+    is_steered: bool = False,
+    build_wheel: WheelBuilder = build_alloy_wheel,
 ) -> list[MeshPart]:
     """Build the two wheels of an axle, on the ground, with outer faces at `outer_y_m`.
 
@@ -64,28 +86,13 @@ def build_axle(
         Wheel((x_m, sign * middle_m, radius_m), is_steered=is_steered) for sign in (1.0, -1.0)
     )
     return [
-        part
-        for surface, material in _build_road_wheel(xyz(x_m, outer_y_m, radius_m), radius_m, width_m)
-        for part in (
-            *make_vehicle_parts(material, surface, wheel=left),
-            *make_vehicle_parts(material, mirror_surface(surface), wheel=right),
+        side
+        for part in build_wheel(xyz(x_m, outer_y_m, radius_m), radius_m, width_m)
+        for side in (
+            replace(part, wheel=left),
+            replace(part, surface=mirror_surface(part.surface), wheel=right),
         )
     ]
-
-
-def _build_road_wheel(
-    face: Float64Array, radius_m: float, width_m: float
-) -> list[tuple[TriangleSurface, str]]:
-    """Build tyre, rim and spokes of a left-hand wheel around the centre (3,) of its outer face."""
-    radius = np.array([0.66, 0.93, 1.0, 1.0, 0.8]) * radius_m
-    y = -np.array([0.10, 0.0, 0.14, 0.86, 1.0]) * width_m
-    tyre = revolve_profile(np.column_stack([radius, y]), face, sides=_WHEEL_SIDES)
-    ring = np.array([(0.70, -0.06), (0.62, -0.01), (0.60, -0.10)]) * (radius_m, width_m)
-    rim = revolve_closed_profile(ring, face, sides=_WHEEL_SIDES)
-    star = _compute_spoke_outline() * radius_m
-    sides = [star - xyz(y=0.12 * width_m), star - xyz(y=0.02 * width_m)]
-    spokes = loft_rings(np.stack(sides) + face)
-    return [(tyre, "rubber"), (rim, "metal"), (spokes, "metal")]
 
 
 def _compute_spoke_outline() -> Float64Array:

@@ -230,6 +230,8 @@ class SemiTrailer(CompactModel):
     """Distance of the kingpin behind the front of the semi-trailer."""
     wheelbase_m: ActorMetres
     """Distance of the middle of its axles behind the kingpin."""
+    body: Literal["curtains", "refrigerated"] = "curtains"
+    """What its cargo is in: curtains, or insulated walls with a unit that cools."""
 
 
 class Blueprint(CompactModel):

@@ -36,7 +36,14 @@ def volume(parts: tuple[Mesh, ...]) -> float:
     return float(np.sum(a * np.cross(b, c)) / 6)
 
 
-OURS = {"delivery_van", "box_truck", "daf_tractor", "lorry_tractor", "curtain_semitrailer"}
+OURS = {
+    "delivery_van",
+    "box_truck",
+    "daf_tractor",
+    "lorry_tractor",
+    "curtain_semitrailer",
+    "refrigerated_semitrailer",
+}
 """Beyond the models of the original."""
 
 
@@ -239,6 +246,24 @@ def test_bodies_keep_to_their_budget_of_triangles(name: str):
     assert triangles(BODIES[name]) <= near.get(actor_class, 9000)
     shape = [part for part in BODIES[name].parts if part.layer is MeshLayer.SHAPE]
     assert triangles(replace(BODIES[name], parts=tuple(shape))) <= far.get(actor_class, 4700)
+
+
+@pytest.mark.parametrize(
+    "name", [n for n, made in CATALOGUE.blueprints.items() if made.semitrailer]
+)
+def test_semitrailers_of_a_blueprint_are_of_several_hauliers_in_boxes_of_one_size(name: str):
+    first, *others = (BODIES[name], *BODIES[name].others)
+    assert len(others) == 2
+    written = {
+        tuple(triangles(replace(body, parts=(part,))) for part in body.parts)
+        for body in (first, *others)
+    }
+    assert len(written) == 3
+    for body in others:
+        points = corners(body.parts).reshape(-1, 3)
+        np.testing.assert_allclose(np.ptp(points, axis=0), first.size, atol=1e-3)
+        assert points[:, 2].min() == pytest.approx(0.0, abs=1e-3)
+        assert triangles(body) <= 6000
 
 
 def test_building_a_body_is_deterministic():

@@ -164,7 +164,7 @@ def traffic(specs: dict[str, Spec]) -> TrafficResult:
     return load_or_simulate_traffic(specs[SHIPPED])
 
 
-SHIPPED = "rcnj_clear_day_sparse"
+SHIPPED, SEMITRAILER = "rcnj_clear_day_sparse", "curtain_semitrailer"
 
 
 @pytest.mark.sumo
@@ -172,7 +172,7 @@ def test_openscenario_has_semitrailers_at_their_axles(
     specs: dict[str, Spec], traffic: TrafficResult
 ):
     pytest.importorskip("scenariogeneration")
-    trailer = next(actor for actor in traffic.trace.actors if actor.towed_by)
+    trailer = next(one for one in traffic.trace.actors if one.blueprint == SEMITRAILER)
     name = f"truck_{trailer.id}"
 
     document = fromstring(format_scenario(specs[SHIPPED], traffic))
@@ -209,7 +209,8 @@ def test_osi_has_tractor_units_with_their_semitrailers(
     osi = pytest.importorskip("osi3.osi_object_pb2")
     kinds = osi.MovingObject.VehicleClassification
     spec, trace = specs[SHIPPED], traffic.trace
-    trailer, rows = next(trace.get_track(actor.id) for actor in trace.actors if actor.towed_by)
+    number = next(one.id for one in trace.actors if one.blueprint == SEMITRAILER)
+    trailer, rows = trace.get_track(number)
 
     truth = TruthBuilder(spec, AgentPoses(spec, trace)).build_truth(int(rows["tick"][0]))
 

@@ -119,6 +119,39 @@ def test_in_a_steady_turn_the_angle_is_that_of_its_wheelbase_in_the_circle(radiu
     np.testing.assert_allclose(inner, np.sqrt(r**2 - WHEELBASE_M**2), rtol=2e-3)
 
 
+def test_around_a_corner_too_tight_for_it_the_lorry_stays_coupled_and_does_not_fold():
+    """Imported maps have such corners: 120 degrees to the right around 4.4 m."""
+    turned = np.clip(0.02 * (np.arange(600) - 200), 0.0, np.radians(120.0))
+    x, y = np.zeros(600), np.zeros(600)
+    ahead = 4.4 * 0.02
+    x[1:] = np.cumsum(ahead * np.cos(turned[1:]))
+    y[1:] = -np.cumsum(ahead * np.sin(turned[1:]))
+    fronts = track(x=x, y=y, yaw=-turned, speed=np.full(600, 10 * ahead))
+
+    tractor, trailer = drive(fronts)
+
+    angle = np.degrees(np.unwrap(tractor["yaw"]) - np.unwrap(trailer["yaw"]))
+    assert measure_gap(tractor, trailer) < 1e-6
+    assert 60.0 < np.abs(angle).max() < 100.0
+    assert np.abs(np.diff(np.unwrap(trailer["yaw"]))).max() < np.radians(2.0)
+    axles = places(trailer, AHEAD_M - WHEELBASE_M)
+    along = np.column_stack([np.cos(trailer["yaw"]), np.sin(trailer["yaw"])])
+    assert np.sum(np.diff(axles[:, :2], axis=0) * along[1:], axis=1).min() > -0.01
+
+
+@pytest.mark.parametrize("name", [n for n, made in CATALOGUE.blueprints.items() if made.tows])
+def test_every_lorry_is_16_5_m_long_and_can_turn_its_trailer(name: str) -> None:
+    coupling = CATALOGUE.blueprints[name].tows
+    assert coupling is not None
+    trailer = CATALOGUE.blueprints[coupling.trailer]
+    assert trailer.semitrailer is not None
+    length_m = coupling.behind_front_m + trailer.length_m - trailer.semitrailer.kingpin_m
+    assert length_m == pytest.approx(16.5)
+    # Directive 96/53/EC, Annex I, 4.4: the front corners within 2.04 m of the kingpin, but for the
+    # rounding of refrigerated bodies, which are 5 cm wider.
+    assert np.hypot(trailer.semitrailer.kingpin_m, trailer.width_m / 2) < 2.07
+
+
 def test_it_turns_within_the_circles_of_the_directive():
     """With its outer front corner on a circle of 12.5 m, nothing is within one of 5.3 m."""
     half_m = 2.55 / 2
@@ -295,7 +328,7 @@ def test_half_of_the_trucks_are_lorries_and_the_other_vehicles_stay(
         without = draw_demand(seeded.model_copy(update={"blueprints": usual}), graph).vehicles
         others = {trip.actor.id: trip.actor for trip in without}
         for trip in draw_demand(seeded, graph).vehicles:
-            assert (trip.trailer is not None) == (trip.actor.blueprint == "lorry_tractor")
+            assert (trip.trailer is None) == (trip.actor.blueprint in usual)
             if trip.trailer is None:
                 assert trip.actor == others[trip.actor.id]
             if trip.actor.actor_class == "truck":
