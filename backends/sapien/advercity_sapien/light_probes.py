@@ -320,10 +320,13 @@ def _gather_light(
     sees_sky = np.zeros(len(origins), dtype=bool)
     found: list[_ReflectingHits] = []
     extinction, turns = around.atmosphere.extinction.at_550nm, grid.turns
+    # Successive rays of similar directions make fast packets.
+    order = np.argsort(turns, kind="stable")
+    back = np.argsort(order)
     for number in range(DIRECTION_COUNT):
         directions, air = around.directions[number, turns], around.airlight[number, turns]
-        rays = Rays(origins, directions.astype(np.float32), ring=turns)
-        hits = raycaster.cast(rays, MAX_RANGE_M)
+        rays = Rays(origins[order], directions[order].astype(np.float32))
+        hits = raycaster.cast(rays, MAX_RANGE_M).select(back)
         is_hit = np.isfinite(hits.range_m)
         receiver = np.flatnonzero(is_hit)
         seen, air = hits.select(receiver), air[receiver]
