@@ -391,7 +391,7 @@ MATERIALS: dict[str, Material] = {
     "cloth_dark": Material((0.06, 0.065, 0.08), 0.45, CLOTH_77GHZ, CLOTH_LWIR),
     "cloth_black": Material((0.018, 0.018, 0.02), 0.08, CLOTH_77GHZ, CLOTH_LWIR),
     "cloth_blue": Material((0.08, 0.13, 0.28), 0.45, CLOTH_77GHZ, CLOTH_LWIR),
-    "cloth_denim": Material((0.055, 0.085, 0.15), 0.50, CLOTH_77GHZ, CLOTH_LWIR),
+    "cloth_denim": Material((0.105, 0.13, 0.185), 0.50, CLOTH_77GHZ, CLOTH_LWIR),
     "cloth_red": Material((0.38, 0.06, 0.05), 0.50, CLOTH_77GHZ, CLOTH_LWIR),
     "cloth_green": Material((0.06, 0.15, 0.07), 0.45, CLOTH_77GHZ, CLOTH_LWIR),
     "cloth_brown": Material((0.17, 0.105, 0.06), 0.50, CLOTH_77GHZ, CLOTH_LWIR),
