@@ -6,6 +6,7 @@ bit, and most tests take too few of them to make up for what it costs.
 
 import os
 import shutil
+import signal
 import tempfile
 
 from advercity.assets.model_store import open_model_store
@@ -41,6 +42,8 @@ def move_home() -> bool:
 
 
 HAS_MADE_HOME = move_home()
+# A shell has what it starts in the background ignore interrupts, and so would all runs of the tests.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_unconfigure() -> None:
