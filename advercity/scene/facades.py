@@ -18,9 +18,11 @@ from advercity.geometry.mesh import TriangleSurface, join_surfaces
 from advercity.geometry.primitives import box, rectangles, tube
 from advercity.scene.rooms import (
     BLIND_STEPS,
+    COVER_DEPTH_M,
     CURTAIN_FRACTION,
     CURTAINS,
     NO_COVER,
+    ROOM_DEPTH_M,
     ROOM_NUMBERS,
     code_blinds,
     code_panes,
@@ -35,7 +37,6 @@ THRESHOLD_M, TREAD_M = 0.05, 0.3
 """Height of doors above the ground, and depth of a step."""
 HANDLE_M, GATE_PANEL_M = 0.12, 0.5
 """Distance of a handle from the middle of a glass door, and height of the panels of a gate."""
-ROOM_DEPTH_M = 3.0
 SHOP_NAMES = (
     *("BAKERY", "BICYCLES", "BOOKS", "CAFE", "FISHMONGER", "FLOWERS", "HATS", "KEYS"),
     *("MARKET", "OPTICIAN", "PHARMACY", "PIANOS", "SHOES", "TAILOR", "TOYS", "TRAVEL"),
@@ -46,8 +47,6 @@ SHUTTER_FRACTION = 0.34
 _LIGHT_ACCENTS = ("cloth_yellow",)
 LOWERED_STEPS = 2, 7
 """Least steps that blinds are lowered, and one more than the most."""
-COVER_DEPTH_M = 0.06
-"""Distance of blinds and curtains behind the panes."""
 LIT_ROOM_FRACTION, LIT_SHOP_FRACTION, COOL_FRACTION = 0.35, 0.7, 0.3
 """Fractions of rooms and shops that are lit by night, and of rooms with lamps of cool white:
 assumptions for an evening."""

@@ -20,6 +20,17 @@ SHOP_DAY_RATIO = 0.02
 """Light of a shop's lamps by day relative to that on its pane: 150 lx on shelves behind 7.5 klx."""
 CURTAIN_FRACTION = 0.17
 """Part of a window's width that the curtain at either side covers."""
+MEAN_CLOTH, MEAN_ROOM, MEAN_SHOP = 0.5, 0.43, 0.32
+"""Mean albedo of covers; of rooms and shops, times the light of their lamps."""
+COVER_DEPTH_M = 0.06
+"""Of curtains and blinds behind the pane."""
+SHOP_SILL_M, TALL_SILL_M, SILL_M = 0.5, 0.15, 0.9
+"""Heights of windows above the floor: of shops, of those taller than `TALL_WINDOW_M`, of others."""
+TALL_WINDOW_M = 2.0
+ROOM_ASIDE_M, ROOM_ABOVE_M = 0.3, 0.4
+"""Least a room is wider than its window at either side, up to 1 m more, and how much higher."""
+ROOM_DEPTH_M, ROOM_DEPTH_SPREAD_M = 3.0, 3.0
+"""Depth of the shallowest room, and how much deeper others are at most."""
 BLIND_STEPS = 8
 """Heights at which blinds stop, with that of a whole window."""
 NO_COVER, CURTAINS = 0, 1

@@ -97,8 +97,10 @@ OCTAVES: dict[Texture, tuple[_Octave, ...]] = {
     Texture.CROPS: (
         _of_space(0.09, 1, 0.35),
         _Octave(0.45, 2, 0.25),
-        _Octave(4.1, 3, 0.14),
-        _Octave(9.0, 4, hue=0.12),
+        _Octave(1.6, 6, 0.20),
+        _Octave(4.1, 3, 0.18),
+        _Octave(2.3, 7, hue=0.12),
+        _Octave(9.0, 4, hue=0.14),
         _Octave(37.0, 5, hue=0.14),
     ),
     Texture.LEAVES: _FOLIAGE,

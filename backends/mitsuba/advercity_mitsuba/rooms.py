@@ -11,16 +11,25 @@ from typing import Any
 from advercity.materials import Texture
 from advercity.scene.rooms import (
     BLIND_RATIO,
+    BLIND_STEPS,
+    COVER_DEPTH_M,
     CURTAIN_FRACTION,
+    MEAN_CLOTH,
+    MEAN_ROOM,
+    MEAN_SHOP,
+    ROOM_ABOVE_M,
+    ROOM_ASIDE_M,
+    ROOM_DEPTH_M,
+    ROOM_DEPTH_SPREAD_M,
     SHOP_DAY_RATIO,
+    SHOP_SILL_M,
+    SILL_M,
+    TALL_SILL_M,
+    TALL_WINDOW_M,
     WINDOW_TRANSMITTANCE,
 )
 from advercity_mitsuba.noise import hash_cell, retained_contrast
 from advercity_mitsuba.variant import dr, mi
-
-COVER_DEPTH_M = 0.06
-MEAN_CLOTH, MEAN_ROOM, MEAN_SHOP = 0.5, 0.43, 0.32
-"""Mean albedo of covers; of rooms and shops, times the light of their lamps."""
 
 
 @dataclass
@@ -97,10 +106,13 @@ def _draw_colour(number: Any, salt: int) -> Any:
 
 def _build_room(kind: Any, number: Any, is_lit: Any, window: Any) -> _Room:
     is_shop = kind == int(Texture.SHOP)
-    sill = dr.select(is_shop, 0.5, dr.select(window.y > 2.0, mi.Float(0.15), 0.9))
-    low = mi.Vector3f(-0.3 - _draw(number, 1), -sill, 0.0)
+    upper = dr.select(window.y > TALL_WINDOW_M, mi.Float(TALL_SILL_M), SILL_M)
+    sill = dr.select(is_shop, SHOP_SILL_M, upper)
+    low = mi.Vector3f(-ROOM_ASIDE_M - _draw(number, 1), -sill, 0.0)
     high = mi.Vector3f(
-        window.x + 0.3 + _draw(number, 2), window.y + 0.4, 3.0 + 3.0 * _draw(number, 3)
+        window.x + ROOM_ASIDE_M + _draw(number, 2),
+        window.y + ROOM_ABOVE_M,
+        ROOM_DEPTH_M + ROOM_DEPTH_SPREAD_M * _draw(number, 3),
     )
     return _Room(number, is_shop, is_lit, window, low, high)
 
@@ -220,7 +232,7 @@ def _compute_cover(room: _Room, cover: Any, base: Any, at: Any, pixel_m: Any) ->
     window = room.window
     aside = dr.minimum(at.x, window.x - at.x) / window.x
     is_curtain = (cover == 1) & (aside < CURTAIN_FRACTION)
-    is_blind = (cover > 1) & (at.y > window.y * (1.0 - (mi.Float(cover) - 1.0) / 8.0))
+    is_blind = (cover > 1) & (at.y > window.y * (1.0 - (mi.Float(cover) - 1.0) / BLIND_STEPS))
     fold = 0.15 * retained_contrast(0.14, pixel_m) * dr.sin(45.0 * at.x)
     light, dark = mi.Color3f(0.62, 0.60, 0.55), mi.Color3f(0.42, 0.37, 0.31)
     cloth = dr.lerp(light, dark, _draw(room.number, 90))

@@ -105,6 +105,16 @@ def test_daylight_is_as_bright_as_sapiens(backend: MitsubaBackend) -> None:
         assert brightness(found)[where].mean() == pytest.approx(mean, rel=0.04), semantic
 
 
+def test_a_field_of_crops_has_the_patches_of_sapiens(backend: MitsubaBackend) -> None:
+    world = build_world((build_box((0, 0, -0.5), (400, 400, 1), "crops", Semantic.TERRAIN),))
+    found, expected = (
+        brightness(render(one, build_clear_air(2000.0), world=world, frame=build_frame()))[20:]
+        for one in (backend, load_backend("sapien"))
+    )
+    np.testing.assert_allclose(found[6:], expected[6:], rtol=0.06)
+    assert np.corrcoef(found.ravel(), expected.ravel())[0, 1] > 0.98
+
+
 @pytest.mark.parametrize("extinction", [0.0, 0.003, 0.01], ids=["clear", "mist", "fog"])
 def test_lamps_are_as_bright_as_sapiens(backend: MitsubaBackend, extinction: float) -> None:
     fog = AirExtinction(fog=Extinction(at_550nm=extinction))

@@ -3,9 +3,6 @@
 // them and what covers it; each spans the middle half of a unit of either. Needs shader_constants.glsl,
 // whole_numbers.glsl, sampling.glsl and map_plane.glsl; Mitsuba has the same in rooms.py.
 
-// Mean albedo of covers; of rooms and shops, times the light of their lamps.
-const float MEAN_CLOTH = 0.5, MEAN_ROOM = 0.43, MEAN_SHOP = 0.32;
-
 struct Room {
   int number;
   bool isShop;
@@ -29,9 +26,10 @@ vec3 drawColour(int number, int salt) {
 
 Room buildRoom(int kind, int number, bool isLit, vec2 window) {
   bool isShop = kind == TEXTURE_SHOP;
-  float sill = isShop ? 0.5 : window.y > 2.0 ? 0.15 : 0.9;
-  vec3 low = vec3(-0.3 - drawOf(number, 1), -sill, 0.0);
-  vec3 high = vec3(window + vec2(0.3 + drawOf(number, 2), 0.4), 3.0 + 3.0 * drawOf(number, 3));
+  float sill = isShop ? SHOP_SILL : window.y > TALL_WINDOW ? TALL_SILL : SILL;
+  vec3 low = vec3(-ROOM_ASIDE - drawOf(number, 1), -sill, 0.0);
+  vec3 high = vec3(window + vec2(ROOM_ASIDE + drawOf(number, 2), ROOM_ABOVE),
+      ROOM_DEPTH + ROOM_DEPTH_SPREAD * drawOf(number, 3));
   return Room(number, isShop, isLit, window, low, high);
 }
 
@@ -133,7 +131,7 @@ float roomLight(Room r, vec3 at, vec3 normal) {
 vec3 coverAlbedo(Room r, int cover, vec3 base, vec3 at, float width) {
   float aside = min(at.x, r.window.x - at.x) / r.window.x;
   bool isCovered = cover == 1 ? aside < CURTAIN_FRACTION
-      : cover > 1 && at.y > r.window.y * (1.0 - float(cover - 1) / 8.0);
+      : cover > 1 && at.y > r.window.y * (1.0 - float(cover - 1) / BLIND_STEPS);
   if (!isCovered) return vec3(-1.0);
   float fold = cover == 1 ? 0.15 * retainedContrast(0.14, width) * sin(45.0 * at.x) : 0.0;
   vec3 cloth = mix(vec3(0.62, 0.60, 0.55), vec3(0.42, 0.37, 0.31), drawOf(r.number, 90)) * (1.0 + fold);
@@ -142,7 +140,6 @@ vec3 coverAlbedo(Room r, int cover, vec3 base, vec3 at, float width) {
 
 // Albedo that a pane seems to have by what is behind it. `base` is the mean, which it fades to.
 vec3 roomAlbedo(int kind, vec3 base, bool isLit, MapPlane plane, vec3 n, vec3 ray, float width) {
-  const float COVER_DEPTH = 0.06;
   if (plane.scale.x <= 0.0) return base;
   ivec2 code = wholeNumber(floor(plane.at));
   vec2 window = 0.5 * plane.scale;
