@@ -42,7 +42,7 @@ def move_home() -> bool:
 
 
 HAS_MADE_HOME = move_home()
-# A shell has what it starts in the background ignore interrupts, and so would all runs of the tests.
+# What a shell starts in the background ignores interrupts, and so would all runs of the tests.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
