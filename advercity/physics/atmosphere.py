@@ -357,10 +357,7 @@ def _compute_night_light(
     height = photometry.cubemap_directions(SKY_SIZE)[..., 2:]
     path_m = np.minimum(STREET_LIGHT_LAYER_M / np.abs(height), STREET_LIGHT_EXTENT_M)
     transmittance = np.exp(-extinction_per_m * path_m)
-    # Rays that leave the lit air before they meet the ground meet it where no lamps are.
-    is_lit = STREET_LIGHT_EXTENT_M * np.abs(height) > STREET_LIGHT_LAYER_M
-    light = glow_lx * glow_colour + is_lit * street_lx * STREET_LIGHT_COLOUR
-    ground = sky.GROUND_ALBEDO / math.pi * light
+    ground = sky.GROUND_ALBEDO / math.pi * (glow_lx * glow_colour + street_lx * STREET_LIGHT_COLOUR)
     background = np.where(height > 0.0, glow, ground * transmittance)
     zenith_opacity = 1.0 - math.exp(-extinction_per_m * STREET_LIGHT_LAYER_M)
     return _SceneLight(

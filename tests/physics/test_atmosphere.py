@@ -265,15 +265,3 @@ def test_grey_dust_and_little_dust_colour_little() -> None:
     little = compute_atmosphere(weather(dust={"mor_m": 50_000}), "rural")
     clean = compute_atmosphere(weather(), "rural")
     assert little.horizon_airlight == pytest.approx(clean.horizon_airlight, rel=0.05)
-
-
-def test_no_street_lamps_light_the_ground_at_the_horizon() -> None:
-    """Where no ground is drawn between that of the site and the horizon, no bright line is seen."""
-    night = compute_atmosphere(find_weather("clear_night").declaration, "urban")
-    height = photometry.cubemap_directions(night.sky.shape[1])[..., 2]
-    luminance = night.sky.mean(axis=-1)
-    above, far, near = (
-        luminance[(height > low) & (height < high)].mean()
-        for low, high in ((0.0, 0.02), (-0.019, 0.0), (-0.5, -0.1))
-    )
-    assert far < 1.2 * above < near
