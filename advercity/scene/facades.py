@@ -392,9 +392,9 @@ def _fill_doors(
         for x, _, z in centres + half + np.array([0.0, 0.0, 0.1])
     ]
     steps = [
-        box((x - width / 2 - 0.2, -tread * TREAD_M, -0.5), (x + width / 2 + 0.2, 0.0, z))
+        box((x - width / 2 - 0.2, -count * TREAD_M, -0.5), (x + width / 2 + 0.2, 0.0, z))
         for x, _, top in centres - half
-        for tread, z in ((1, top), (2, top / 2))
+        for count, z in ((1, top), (2, top / 2))
         if style.plinth_m
     ]
     leaves = _build_glass_doors if storey.is_shop else _build_doors
