@@ -45,7 +45,8 @@ layout(location = 2) out vec4 outAmbient;
 #include "./ambient_occlusion.glsl"
 #include "./light_probes.glsl"
 
-// Fraction of the sun that is visible from a point: 3x3 texels of the finest shadow map that has it.
+// Fraction of the sun that is visible from a point: the mean over a square of 3x3 texels around it in
+// the finest shadow map that has it. Of the 4x4 that it covers, the outer ones count by their part.
 float sunVisibility(vec3 position, vec3 normal) {
   for (int map = 0; map < NUM_DIRECTIONAL_LIGHT_SHADOWS; ++map) {
     LightView light = shadowBuffer.directionalLightBuffers[map];
@@ -54,10 +55,15 @@ float sunVisibility(vec3 position, vec3 normal) {
     vec4 clip = light.projectionMatrix * light.viewMatrix * vec4(position + normal * 2.0 * texel, 1.0);
     vec2 uv = clip.xy * 0.5 + 0.5;
     if (any(lessThan(uv, 2.0 / size)) || any(greaterThan(uv, 1.0 - 2.0 / size))) continue;
+    vec2 corner = floor(uv * size - 0.5), part = uv * size - 0.5 - corner;
     float lit = 0.0;
-    for (int i = 0; i < 9; ++i) {
-      vec2 offset = vec2(i % 3 - 1, i / 3 - 1) / size;
-      lit += step(clip.z, texture(samplerDirectionalLightDepths[map], uv + offset).x);
+    for (int i = 0; i < 4; ++i) {
+      vec2 pair = vec2(i % 2, i / 2);
+      vec4 depths = textureGather(samplerDirectionalLightDepths[map], (corner + 2.0 * pair) / size);
+      vec2 first = mix(1.0 - part, vec2(1.0), pair), second = mix(vec2(1.0), part, pair);
+      // The order of a gather: counterclockwise from the second row's first texel.
+      vec4 covered = vec4(first.x, second.xx, first.x) * vec4(second.yy, first.yy);
+      lit += dot(covered, step(clip.zzzz, depths));
     }
     return lit / 9.0;
   }
