@@ -162,6 +162,20 @@ def test_the_sun_casts_shadows_nearby_and_far_away(away_m: float) -> None:
     assert lit == pytest.approx(5e4 * np.sin(np.radians(45.0)) / np.pi, rel=0.01)
 
 
+def test_the_edge_of_a_shadow_has_no_steps_close_up() -> None:
+    ground = build_box((0.0, 0.0, -0.5), (200.0, 200.0, 1.0), "white")
+    wall = build_box((5.0, 0.0, 2.0), (1.0, 40.0, 4.0))
+    # The shadow ends at 9.5 m; a texel of its map is nine rows of this image.
+    above = view_of(pose_matrix((9.5, 0.0, 0.25), pitch=np.pi / 2), size=(160, 160))
+    profile = RenderProfile("test", 1.0, "raster")
+    with SapienBackend().open(world_of(ground, wall), air_of(sun_lx=5e4), profile) as renderer:
+        renderer.place(frame_of())
+        across = luminance(renderer.render_camera(above))[:, 80]
+    lit = 5e4 * np.sin(np.radians(45.0)) / np.pi
+    assert across[[0, -1]] == pytest.approx([lit, 0.0], rel=0.01, abs=1.0)
+    assert np.abs(np.diff(across)).max() < lit / 15.0
+
+
 def traced(
     world: World, air: Atmosphere, view: CameraView, *, samples: int, path_depth: int = 1
 ) -> Floats:
