@@ -186,7 +186,7 @@ def test_static_panes_are_seen_through_unless_they_close_a_building(opened: Open
     assert measure_behind(Semantic.STATIC) > 5.0 * measure_behind(Semantic.BUILDING) > 0.0
 
 
-@pytest.mark.parametrize(("night", "luminance_cd_m2"), [(True, 40.0), (False, 0.0)])
+@pytest.mark.parametrize(("night", "luminance_cd_m2"), [(True, 13.5), (False, 0.0)])
 def test_windows_of_shops_shine_by_night(opened: Open, night: bool, luminance_cd_m2: float) -> None:
     pane = build_box((10.0, 0.0, 0.0), (1.0, 40.0, 40.0), "room_shop")
     with opened(world_of(pane), air_of(night=night), samples=64) as renderer:
