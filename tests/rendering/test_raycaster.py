@@ -139,7 +139,8 @@ def test_no_ray_slips_through_a_closed_box() -> None:
     np.testing.assert_allclose(np.abs(points).max(axis=1), 25.0, atol=1e-4)
 
 
-def test_rays_in_rings_find_what_they_find_alone() -> None:
+@pytest.mark.parametrize("rings", [64, 601])
+def test_rays_in_rings_find_what_they_find_alone(rings: int) -> None:
     eye = caster(GROUND, WALL)
     places = [(9, 0), (4, 5), (-15, 3), (0, 12), (-40, 20), (60, 60), (2.5, -1.2)]
     cars = [car(number, x, y, yaw=x / 7) for number, (x, y) in enumerate(places, start=1)]
@@ -152,7 +153,7 @@ def test_rays_in_rings_find_what_they_find_alone() -> None:
     world = own.reshape(-1, 3) @ stand[:3, :3].T
     origins = np.broadcast_to(stand[:3, 3], world.shape)
     plain = rays(origins, world)
-    ringed = replace(plain, rings=64)
+    ringed = replace(plain, rings=rings)
     whole = eye.cast(ringed, 100.0)
     assert set(whole.instance) == {0, 1, 2, 3, 4, 5, 6, 7}
     some = np.arange(0, len(world), 7)
