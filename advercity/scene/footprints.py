@@ -29,6 +29,7 @@ from advercity.scene.buildings import (
 )
 from advercity.scene.facades import FacadeStyle, Storey, SurfaceMaterials, build_storeys
 from advercity.scene.roof_details import ROOF_SLOPE
+from advercity.scene.rooms import SHOP_SILL_M, SILL_M
 from advercity.scene.site import Site
 from advercity.semantics import Semantic
 
@@ -41,13 +42,12 @@ MAX_WINDOWED_DISTANCE_M = 45.0
 MIN_STOREY_M = 2.0
 """Shorter and lower sides, and those that are further from streets, have no windows."""
 SIMPLIFY_M, MIN_AREA_M2 = 0.25, 4.0
-SILL_HEIGHT_M = 0.9
 HALL_WALLS = ("metal", "plaster_grey", "concrete")
 HALL_WINDOW_M, HALL_LINTEL_M = 1.2, 0.5
 """Height of the windows of a hall, and of the wall above them."""
 HALL_GATE_M, HALL_PIER_M = 4.2, 0.4
 """Greatest height of the gate of a hall, and how much narrower than its bay it is."""
-SHOP_WIDTH_M, SHOP_SILL_M = 4.2, 0.5
+SHOP_WIDTH_M = 4.2
 OVERHANG_M, PARAPET_M, PARAPET_WIDTH_M = 0.4, 0.45, 0.25
 MAX_RUN_FRACTION = 0.95
 """How far hips reach inwards, of the way to the middle."""
@@ -187,8 +187,8 @@ def _list_storeys(
             height_m=rise_m,
             openings=openings,
             width_m=opening_m,
-            sill_m=SILL_HEIGHT_M,
-            opening_m=min(1.5, rise_m - SILL_HEIGHT_M - 0.3),
+            sill_m=SILL_M,
+            opening_m=min(1.5, rise_m - SILL_M - 0.3),
             door_at=door_at if floor == 0 else None,
         )
         for floor in range(floors)
