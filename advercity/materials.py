@@ -484,4 +484,8 @@ MATERIALS: dict[str, Material] = {
     "seedlings": Material(
         (0.085, 0.14, 0.045), 0.42, PLANTS_77GHZ, PLANTS_LWIR, texture=Texture.LEAVES
     ),
+    # Painted sheet with ridges, the walls and roofs of halls.
+    "cladding": Material(
+        (0.38, 0.40, 0.41), 0.45, METAL_77GHZ, SHEET_LWIR, roughness=0.6, maps="metal_sheet"
+    ),
 }

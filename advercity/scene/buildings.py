@@ -340,13 +340,19 @@ def _build_walls(
 
 
 def build_pitched_roof(
-    x: float, y: float, eaves: float, overhang: float, wall: str, roof: str
+    x: float,
+    y: float,
+    eaves: float,
+    overhang: float,
+    wall: str,
+    roof: str,
+    slope: float = ROOF_SLOPE,
 ) -> SurfaceMaterials:
-    """Build a roof with gables over walls of half the size (x, y), rising by `ROOF_SLOPE`."""
+    """Build a roof with gables over walls of half the size (x, y), rising by `slope` over run."""
     return [
-        (_build_gable_walls(x, y, eaves, overhang), wall),
-        (_build_gable_roof(x, y, eaves, overhang), roof),
-        (build_gutters(x, y, eaves, overhang), "metal"),
+        (_build_gable_walls(x, y, eaves, slope), wall),
+        (_build_gable_roof(x, y, eaves, overhang, slope), roof),
+        (build_gutters(x, y, eaves, overhang, slope), "metal"),
     ]
 
 
@@ -366,10 +372,12 @@ def _build_garden_hedges(lot: Lot, site: Site, draw: np.random.Generator) -> lis
     return hedges
 
 
-def _build_gable_roof(x: float, y: float, eaves: float, overhang: float) -> TriangleSurface:
+def _build_gable_roof(
+    x: float, y: float, eaves: float, overhang: float, slope: float
+) -> TriangleSurface:
     """Build a pitched roof with its ridge along x: a folded slab from gable to gable."""
     span = y + overhang
-    rise, drop, thick = ROOF_SLOPE * span, ROOF_SLOPE * overhang, ROOF_THICKNESS_M
+    rise, drop, thick = slope * span, slope * overhang, ROOF_THICKNESS_M
     fold = [(-span, eaves - drop), (0.0, eaves - drop + rise), (span, eaves - drop)]
     outline = [*fold, *((b, z + thick) for b, z in fold[::-1])]
     ends = [[(end, b, z) for b, z in outline] for end in (-x - overhang, x + overhang)]
@@ -379,11 +387,7 @@ def _build_gable_roof(x: float, y: float, eaves: float, overhang: float) -> Tria
     return join_surfaces([loft_rings(half) for half in halves])
 
 
-def _build_gable_walls(x: float, y: float, eaves: float, overhang: float) -> TriangleSurface:
+def _build_gable_walls(x: float, y: float, eaves: float, slope: float) -> TriangleSurface:
     """Build the triangular walls under a pitched roof, as a prism through the building."""
-    gable = [
-        (-y, eaves),
-        (y, eaves),
-        (0.0, eaves + ROOF_SLOPE * (y + overhang) - ROOF_SLOPE * overhang),
-    ]
+    gable = [(-y, eaves), (y, eaves), (0.0, eaves + slope * y)]
     return loft_rings(np.stack([[(side, *point) for point in gable] for side in (-x, x)]))

@@ -42,7 +42,8 @@ MAX_WINDOWED_DISTANCE_M = 45.0
 MIN_STOREY_M = 2.0
 """Shorter and lower sides, and those that are further from streets, have no windows."""
 SIMPLIFY_M, MIN_AREA_M2 = 0.25, 4.0
-HALL_WALLS = ("metal", "plaster_grey", "concrete")
+HALL_WALLS = ("cladding", "plaster_grey", "concrete")
+HALL_ROOFS, HALL_SLOPE = ("cladding",), 0.25
 HALL_WINDOW_M, HALL_LINTEL_M = 1.2, 0.5
 """Height of the windows of a hall, and of the wall above them."""
 HALL_GATE_M, HALL_PIER_M = 4.2, 0.4
@@ -51,7 +52,7 @@ SHOP_WIDTH_M = 4.2
 OVERHANG_M, PARAPET_M, PARAPET_WIDTH_M = 0.4, 0.45, 0.25
 MAX_RUN_FRACTION = 0.95
 """How far hips reach inwards, of the way to the middle."""
-FASCIA_M, RIDGE_TOLERANCE_M = 0.2, 0.3
+FASCIA_M = 0.2
 MAX_ROOF_FRACTION = 0.45
 """Greatest part of a building's height that is roof."""
 MIN_EAVES_M = 2.3
@@ -67,6 +68,8 @@ class _BuildingType:
     Attributes:
         height_range_m: Height of those whose map has none.
         walls: Materials of which their walls are drawn.
+        roofs: Materials of which their pitched roofs are drawn.
+        slope: Rise over run of these, where the height of the building allows it.
         is_pitched: Whether their roofs are pitched unless the map says otherwise.
         has_shops: Whether there are shops on the ground floor at the street.
         has_balconies: Whether there are balconies above it.
@@ -75,6 +78,8 @@ class _BuildingType:
 
     height_range_m: tuple[float, float]
     walls: tuple[str, ...]
+    roofs: tuple[str, ...] = ROOFS
+    slope: float = ROOF_SLOPE
     is_pitched: bool = False
     has_shops: bool = False
     has_balconies: bool = False
@@ -85,7 +90,7 @@ _HOUSE = _BuildingType(HOUSE_HEIGHT_RANGE_M, HOUSE_WALLS, is_pitched=True)
 _BLOCK = _BuildingType(BLOCK_HEIGHT_RANGE_M, TOWN_WALLS)
 _FLATS = _BuildingType(BLOCK_HEIGHT_RANGE_M, TOWN_WALLS, has_balconies=True)
 _SHOPS = _BuildingType(BLOCK_HEIGHT_RANGE_M, TOWN_WALLS, has_shops=True)
-_HALL = _BuildingType((5.0, 9.0), HALL_WALLS, is_hall=True)
+_HALL = _BuildingType((5.0, 9.0), HALL_WALLS, HALL_ROOFS, HALL_SLOPE, is_hall=True)
 
 
 def build_on_footprint(declared: Surrounding, site: Site, key: str) -> list[MeshPart]:
@@ -121,8 +126,8 @@ def _build(
     drawn = draw_style(kind.walls, draw)
     style = replace(drawn, has_shutters=drawn.has_shutters and kind is _HOUSE)
     chosen = declared.roof or ("gabled" if kind.is_pitched else "flat")
-    rise_m = 0.0 if chosen == "flat" else _compute_rise(footprint, total_m)
-    tiles = str(draw.choice(ROOFS))
+    rise_m = 0.0 if chosen == "flat" else _compute_rise(footprint, kind.slope, total_m)
+    tiles = str(draw.choice(kind.roofs))
     eaves_m = total_m - rise_m
     parts = [
         *_build_walls(corners, eaves_m, kind, style, site, draw),
@@ -137,10 +142,10 @@ def _build(
     ]
 
 
-def _compute_rise(footprint: shapely.Polygon, total_m: float) -> float:
+def _compute_rise(footprint: shapely.Polygon, slope: float, total_m: float) -> float:
     half_width = shapely.length(shapely.maximum_inscribed_circle(footprint, 0.1))
     limit_m = min(MAX_ROOF_FRACTION * total_m, total_m - MIN_EAVES_M)
-    return max(min(ROOF_SLOPE * float(half_width), limit_m), 0.3)
+    return max(min(slope * float(half_width), limit_m), 0.3)
 
 
 def _build_walls(
@@ -247,11 +252,9 @@ def _build_roof(
     if roof == "flat":
         return _build_flat_roof(footprint, eaves_m)
     for rectangle in extract_polygons(shapely.minimum_rotated_rectangle(footprint)):
-        corners = _exterior(rectangle)
-        half_width_m = float(np.hypot(*np.diff(corners[:3], axis=0).T).min()) / 2
         fills = footprint.area > MIN_RECTANGULARITY * rectangle.area
-        if roof == "gabled" and fills and rise_m > ROOF_SLOPE * half_width_m - RIDGE_TOLERANCE_M:
-            return _build_gables(corners, eaves_m, wall, tiles)
+        if roof == "gabled" and fills:
+            return _build_gables(_exterior(rectangle), eaves_m, rise_m, wall, tiles)
     return _build_hips(footprint, eaves_m, rise_m, tiles)
 
 
@@ -268,7 +271,9 @@ def _build_flat_roof(footprint: shapely.Polygon, eaves_m: float) -> SurfaceMater
     return [(join_surfaces(parts), "concrete")]
 
 
-def _build_gables(corners: Float64Array, eaves_m: float, wall: str, tiles: str) -> SurfaceMaterials:
+def _build_gables(
+    corners: Float64Array, eaves_m: float, rise_m: float, wall: str, tiles: str
+) -> SurfaceMaterials:
     """Build a roof with its ridge along the longer side of a rectangle (5, 2)."""
     sides = np.diff(corners[:3], axis=0)
     lengths = np.hypot(*sides.T)
@@ -276,7 +281,7 @@ def _build_gables(corners: Float64Array, eaves_m: float, wall: str, tiles: str) 
     yaw = float(np.arctan2(sides[along, 1], sides[along, 0]))
     middle = (*corners[:4].mean(axis=0), 0.0)
     half = lengths[along] / 2, lengths[1 - along] / 2
-    parts = build_pitched_roof(*half, eaves_m, OVERHANG_M, wall, tiles)
+    parts = build_pitched_roof(*half, eaves_m, OVERHANG_M, wall, tiles, rise_m / half[1])
     return [(move_surface(surface, middle, yaw=yaw), material) for surface, material in parts]
 
 

@@ -11,7 +11,7 @@ from advercity.geometry.mesh import TriangleSurface, join_surfaces
 from advercity.geometry.primitives import box, rectangles
 
 ROOF_SLOPE = 0.75
-"""Rise over run."""
+"""Rise over run of houses and town blocks."""
 ROOF_THICKNESS_M = 0.22
 _GUTTER_M = 0.11
 _DORMER_HALF_M, _DORMER_RISE_M = 0.75, 1.25
@@ -21,9 +21,11 @@ _DORMER_AT = 0.72
 Surfaces = list[tuple[TriangleSurface, str]]
 
 
-def build_gutters(x: float, y: float, eaves: float, overhang: float) -> TriangleSurface:
+def build_gutters(
+    x: float, y: float, eaves: float, overhang: float, slope: float = ROOF_SLOPE
+) -> TriangleSurface:
     """Build a gutter along both eaves."""
-    edge, z = y + overhang, eaves - ROOF_SLOPE * overhang
+    edge, z = y + overhang, eaves - slope * overhang
     low, high = (-x - overhang, -_GUTTER_M, z), (x + overhang, 0.0, z + _GUTTER_M)
     front = box(np.add(low, (0, -edge, 0)), np.add(high, (0, -edge, 0)))
     back = box(np.add(low, (0, edge + _GUTTER_M, 0)), np.add(high, (0, edge + _GUTTER_M, 0)))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 from advercity_dsl import Road, RoadsideUnit
-from advercity_dsl.road import LampType, Surrounding, SurroundingKind
+from advercity_dsl.road import BuildingUse, LampType, Surrounding, SurroundingKind
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
@@ -177,6 +177,22 @@ def test_objects_follow_sloping_ground():
     assert -0.3 < above.min() < 0.0
     house = points(built(Surrounding(kind=SurroundingKind.HOUSES, area_m=area), sloping))
     assert (house[:, 2] - sloping(house)).min() < 0
+
+
+@pytest.mark.parametrize(("use", "slope"), [("industrial", 0.25), ("residential", 4.5 / 8.0)])
+def test_a_wide_building_has_the_gables_it_declares(use: BuildingUse, slope: float):
+    """18 m by 16 m and 10 m high: no more than 4.5 m of it are roof, which 0.75 would exceed."""
+    outline = ((-9, 20), (9, 20), (9, 36), (-9, 36))
+    item = Surrounding(
+        kind=SurroundingKind.BUILDINGS, line_m=outline, use=use, roof="gabled", height_m=10
+    )
+    at = points(built(item), Semantic.BUILDING)
+    beyond = at[np.abs(at[:, 0]) > 9.2]
+    assert set(np.sign(beyond[beyond[:, 2] > 9.9][:, 0])) == {-1.0, 1.0}, "a ridge, end to end"
+    walls = at[(np.abs(at[:, 0]) < 9.2) & (at[:, 2] > 9.9)]
+    assert walls[:, 1] == pytest.approx(28.0)
+    ridge_m, eaves_m = (float(beyond[np.abs(beyond[:, 1] - y) < 0.5, 2].max()) for y in (28, 36.4))
+    assert (ridge_m - eaves_m) / 8.4 == pytest.approx(slope, abs=0.01)
 
 
 @pytest.mark.parametrize("kind", [SurroundingKind.HOUSES, SurroundingKind.BUILDINGS])
