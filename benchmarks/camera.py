@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import sapien
 from advercity_dsl import Shutter
+from advercity_sapien.backend import find_vulkan_device
 from advercity_sapien.culling import SunShadow
 from advercity_sapien.sapien_scene import SapienScene
 from advercity_sapien.shader_bindings import RasterBindings
@@ -78,7 +79,8 @@ def build_stock_renderer(
 
     They have one size. It fetches as many channels as our renderer does.
     """
-    stock = sapien.Scene([sapien.render.RenderSystem(sapien.Device("cpu"))])
+    device = sapien.Device(find_vulkan_device().sapien_name)
+    stock = sapien.Scene([sapien.render.RenderSystem(device)])
     bodies = SapienScene(
         scene.world, stock, NullBindings(), night=air.night, has_distant_pieces=False
     )

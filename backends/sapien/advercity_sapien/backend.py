@@ -52,6 +52,11 @@ class VulkanDevice:
         """Whether it is Mesa's CPU driver, which renders the same bytes every time."""
         return "llvmpipe" in self.name
 
+    @property
+    def sapien_name(self) -> str:
+        """What SAPIEN calls it."""
+        return "cuda" if self.is_cuda else "cpu"
+
 
 @cache
 def find_vulkan_device() -> VulkanDevice:
@@ -122,7 +127,7 @@ class SapienBackend:
 
         from advercity_sapien.renderer import SapienRenderer
 
-        sapien_device = sapien.Device("cuda" if device.is_cuda else "cpu")
+        sapien_device = sapien.Device(device.sapien_name)
         _keep_compiled_shaders(sapien_device, profile)
         renderer = SapienRenderer(world, atmosphere, profile, sapien_device)
         try:

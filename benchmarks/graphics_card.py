@@ -1,0 +1,112 @@
+"""Pictures on a graphics card against SAPIEN's: `python benchmarks/graphics_card.py [SPEC ...]`.
+
+The ego's front camera in milliseconds by the clock, until its pixels are in the computer's memory:
+previews, 1920x1080, and 1920x1080 traced as under the profile `full`, each against SAPIEN's pack of
+that kind on the same bodies, with as many samples and as deep paths. Each is measured in a process
+of its own, since two packs do not mix; then our traced picture in two, whose bytes are compared,
+and denoised, which the processor does.
+"""
+
+import argparse
+import hashlib
+import statistics
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from itertools import chain
+from multiprocessing import get_context
+from pathlib import Path
+from typing import NamedTuple
+
+import sapien
+from advercity_sapien.backend import find_vulkan_device
+from benchmark_scene import BenchmarkScene
+from camera import build_stock_renderer
+from measurement import measure_run_time
+
+from advercity.rendering.backend import RENDER_PROFILES, RenderProfile, load_backend
+
+SPECS = tuple(
+    Path(f"compiled/ui_{weather}_dense.json")
+    for weather in ("clear_day", "fog_day", "clear_night", "heavy_rain_night")
+)
+FRAME, ROUNDS, WARM_UP = 40, 5, 2
+PREVIEW, FULL = RENDER_PROFILES["preview"], RENDER_PROFILES["full"]
+TRACED = replace(FULL, denoise=False)
+PROFILES = {
+    "preview": PREVIEW,
+    "1920x1080": PREVIEW.with_scale(1.0),
+    "1920x1080, traced": TRACED,
+}
+
+
+class Timed(NamedTuple):
+    """Median time of a picture, and a digest of its radiance if it is ours."""
+
+    time_s: float
+    digest: str = ""
+
+
+def measure_own(spec: Path, profile: RenderProfile) -> Timed:
+    """Measure our picture."""
+    scene = BenchmarkScene(spec, FRAME)
+    view = scene.list_views(scene.ego, profile)[0]
+    with load_backend("sapien").open(scene.world, scene.air, profile) as renderer:
+        renderer.place(scene.frame)
+        time_s = measure_median_s(lambda: renderer.render_camera(view))
+        radiance = renderer.render_camera(view).radiance
+    return Timed(time_s, hashlib.sha256(radiance.tobytes()).hexdigest())
+
+
+def measure_stock(spec: Path, profile: RenderProfile) -> Timed:
+    """Measure SAPIEN's picture of the same bodies."""
+    traced = profile.renderer == "ray_traced"
+    sapien.render.set_ray_tracing_samples_per_pixel(profile.samples)
+    sapien.render.set_ray_tracing_path_depth(profile.path_depth)
+    scene = BenchmarkScene(spec, FRAME)
+    view = scene.list_views(scene.ego, profile)[0]
+    pack = "rt" if traced else "default"
+    return Timed(measure_median_s(build_stock_renderer(scene, scene.air, [view], pack)))
+
+
+def measure_median_s(work: Callable[[], object]) -> float:
+    """Measure the median time by the clock of calls after a warm-up."""
+    times_s = [measure_run_time(work).wall_s for _ in range(WARM_UP + ROUNDS)]
+    return statistics.median(times_s[WARM_UP:])
+
+
+def compare_pictures(pool: ProcessPoolExecutor, spec: Path) -> Iterator[str]:
+    """Measure pictures of a scenario against SAPIEN's, as rows of a table."""
+    for name, profile in PROFILES.items():
+        stock, own = (
+            pool.submit(measure, spec, profile).result() for measure in (measure_stock, measure_own)
+        )
+        cells = f"{own.time_s * 1e3:.1f} | {stock.time_s * 1e3:.1f}"
+        yield f"| {spec.stem} | {name} | {cells} | {own.time_s / stock.time_s:.2f} | |"
+
+
+def measure_again(pool: ProcessPoolExecutor, spec: Path) -> Iterator[str]:
+    """Measure traced pictures twice, and once denoised, as rows of a table."""
+    first, again, denoised = (
+        pool.submit(measure_own, spec, profile).result() for profile in (TRACED, TRACED, FULL)
+    )
+    verdict = "same bytes" if again.digest == first.digest else "OTHER BYTES"
+    yield f"| {spec.stem} | 1920x1080, traced again | {again.time_s * 1e3:.1f} | | | {verdict} |"
+    yield f"| {spec.stem} | 1920x1080, denoised | {denoised.time_s * 1e3:.1f} | | | |"
+
+
+def main() -> None:
+    """Print a table in Markdown."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("specs", nargs="*", type=Path, default=SPECS, metavar="SPEC")
+    arguments = parser.parse_args()
+    print(f"{find_vulkan_device().name}\n\n| scenario | picture | ms | SAPIEN's, ms | ratio | |")
+    print("|---|---|---|---|---|---|")
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
+        for spec in arguments.specs:
+            for row in chain(compare_pictures(pool, spec), measure_again(pool, spec)):
+                print(row, flush=True)
+
+
+if __name__ == "__main__":
+    main()
