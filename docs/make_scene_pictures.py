@@ -23,7 +23,7 @@ from advercity.physics.atmosphere import compute_atmosphere
 from advercity.pipeline.body_sheet import build_ground, take_photograph
 from advercity.pipeline.surface_maps import SurfaceMaps
 from advercity.rendering.backend import RENDER_PROFILES, Backend, CameraView, load_backend
-from advercity.scene import buildings, crops, footprints, roadside, skyline, vegetation
+from advercity.scene import buildings, crops, footprints, roadside, skyline, vegetation, woods
 from advercity.scene.buildings import Lot
 from advercity.scene.seasons import apply_season
 from advercity.scene.site import Rectangle, Site
@@ -197,7 +197,7 @@ def plant_hedge(x: float, site: Site) -> list[MeshPart]:
 def plant_wood(x: float, site: Site) -> list[MeshPart]:
     """Plant a wood."""
     area = Rectangle.from_corners(((x - 14.0, 60.0), (x + 14.0, 90.0)))
-    return vegetation.build_woods(area, None, site, "sheet")
+    return woods.build_woods(area, None, site, "sheet")
 
 
 def sow_crops(x: float, site: Site) -> list[MeshPart]:

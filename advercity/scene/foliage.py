@@ -4,6 +4,8 @@ A leaf is one triangle without cut-outs, so that rays, labels and images see the
 represents some leaves of a twig where it is larger than one.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from advercity.geometry.arrays import Float64Array
@@ -15,6 +17,8 @@ WIDTH_RATIO, BELLY_RATIO = 0.55, 0.45
 COVERAGE = 0.55
 """Area of the leaves on a surface over its own."""
 HEDGE_LEAF_M = 0.18
+UNEVENNESS = 0.4
+"""Deviation of the normals of crowns, as of their branches, over their length."""
 
 
 def build_leaves(
@@ -38,6 +42,13 @@ def build_leaves(
     triangles = np.arange(3 * len(roots)).reshape(-1, 3)[:, ::-1]
     normals = np.repeat(normalize(normalize(outward) + facing), 3, axis=0)
     return TriangleSurface(corners.reshape(-1, 3), triangles, normals)
+
+
+def roughen(surface: TriangleSurface, draw: np.random.Generator) -> TriangleSurface:
+    """Turn the normals of a crown at random, so that light falls on it as on many branches."""
+    assert surface.normals is not None
+    turned = surface.normals + draw.normal(scale=UNEVENNESS, size=surface.normals.shape)
+    return replace(surface, normals=normalize(turned))
 
 
 def build_foliage(

@@ -14,7 +14,16 @@ from advercity.errors import InputError
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.mesh import Mesh, MeshPart, build_meshes
 from advercity.roads.road_network import RoadNetwork
-from advercity.scene import barriers, buildings, crops, footprints, roadside, skyline, vegetation
+from advercity.scene import (
+    barriers,
+    buildings,
+    crops,
+    footprints,
+    roadside,
+    skyline,
+    vegetation,
+    woods,
+)
 from advercity.scene.buildings import Lot, LotPattern
 from advercity.scene.furniture import build_furniture
 from advercity.scene.seasons import apply_season
@@ -295,7 +304,7 @@ def _build_objects(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:
     elif item.kind is SurroundingKind.WOODS:
         free = item.limit_to_outline(site)
         for band in item.bands:
-            yield from vegetation.build_woods(band, item.height_m, free, item.random_key)
+            yield from woods.build_woods(band, item.height_m, free, item.random_key)
     elif item.kind is SurroundingKind.WATER:
         yield from roadside.build_water(item.declaration.line_m, site)
     elif item.kind is SurroundingKind.DRIVEWAY:

@@ -13,7 +13,7 @@ from advercity.geometry.mesh import TriangleSurface, join_surfaces, normalize, s
 from advercity.geometry.primitives import ellipsoid, loft_rings, tube
 from advercity.physics.constants import GOLDEN_FRACTION
 from advercity.randomness import create_generator
-from advercity.scene.foliage import build_leaves, strew_leaves
+from advercity.scene.foliage import build_leaves, roughen, strew_leaves
 from advercity.scene.seasons import select_tree_leaves
 
 
@@ -114,7 +114,7 @@ def build_tree(
         wood += [*_build_branches(crown, ends), shoots.build_stems()]
     length_m = _LEAF_LENGTH_M[detail]
     outer = shoots.build_leaves(length_m, draw)
-    inside = shade_smooth(_build_core(crown, detail, draw))
+    inside = roughen(shade_smooth(_build_core(crown, detail, draw)), draw)
     inner = strew_leaves(_select_outside(inside, crown), length_m, draw, _INNER_COVERAGE)
     parts = [
         (shade_smooth(join_surfaces(wood)), "bark"),

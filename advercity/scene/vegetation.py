@@ -1,21 +1,14 @@
-"""Builds vegetation: trees where they stand, and distant woods."""
+"""Builds trees where they stand."""
 
 from itertools import product
 
 import numpy as np
 import shapely
 from advercity_dsl.road import Species
-from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
-from advercity.geometry.mesh import (
-    MeshPart,
-    repeat_surface,
-)
-from advercity.geometry.primitives import grid_sheet
+from advercity.geometry.mesh import MeshPart, repeat_surface
 from advercity.randomness import create_generator
-from advercity.scene.crops import find_border_points, find_cells_inside, find_free_cells
-from advercity.scene.foliage import COVERAGE, build_foliage
 from advercity.scene.site import Rectangle, Site, StreetSide
 from advercity.scene.trees import Detail, build_tree
 from advercity.semantics import Semantic
@@ -35,15 +28,6 @@ _SPECIES_WEIGHTS = {
     Species.POPLAR: 0.14,
     Species.SPRUCE: 0.20,
 }
-WOODS_HEIGHT_M = 11.0
-TREE_TOP_SPACING_M = 4.0
-"""Distance between the tops of a wood; larger in a large wood."""
-TREE_TOP_LEAF_M = 1.6
-"""Length of the leaves on woods, each a branch with its own."""
-DEEP_COVERAGE = 0.16
-"""Area of the leaves on a wood over its own where other treetops hide most of it."""
-WOODS_CLEARANCE_M = 8.0
-MAX_TREE_TOPS = 1600
 
 
 def build_trees(
@@ -111,48 +95,3 @@ def _scatter_points_along_street(side: StreetSide, spacing_m: float, key: str) -
     along, across = ((cell + jitter) / count * (side.length_m, depth)).T
     points = side.points_at(along, side.near_offset_m + across)
     return points[side.is_unfolded(points, side.near_offset_m + across)]
-
-
-def build_woods(
-    band: StreetSide | Rectangle, height_m: float | None, site: Site, key: str
-) -> list[MeshPart]:
-    """Build the tops and edges of a wood that is seen from afar."""
-    extent = band.extent if isinstance(band, Rectangle) else (band.length_m, band.depth_m)
-    spacing_m = max(TREE_TOP_SPACING_M, float(np.sqrt(np.prod(extent) / MAX_TREE_TOPS)))
-    rows = band.sample_grid(spacing_m, spacing_m)
-    height = height_m or WOODS_HEIGHT_M
-    draw = create_generator("woods", key)
-    free = site.is_free(rows.reshape(-1, 2), WOODS_CLEARANCE_M).reshape(rows.shape[:2])
-    grown = free & _is_inside_rough_outline(rows)
-    cells = find_free_cells(rows, grown)
-    if not cells.any():
-        return []
-    spread = np.linalg.norm(rows[1, 0] - rows[0, 0])
-    shifted = rows + draw.uniform(-0.35, 0.35, rows.shape) * spread
-    points = site.project_to_ground(shifted.reshape(-1, 2)).reshape(*free.shape, 3)
-    tops = draw.uniform(0.62, 1.0, free.shape) * height - TREE_TOP_LEAF_M / 2
-    points[..., 2] += np.where(find_border_points(cells), -0.3, tops)
-    depths = [(cells, COVERAGE)]
-    deep = _find_deep_cells(cells)
-    if deep.any():
-        depths = [(cells & ~deep, COVERAGE), (deep, DEEP_COVERAGE)]
-    return [
-        part
-        for of, coverage in depths
-        for part in build_foliage(grid_sheet(points, of), TREE_TOP_LEAF_M, draw, coverage)
-    ]
-
-
-def _find_deep_cells(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Find the cells of a wood that two others at least lie around."""
-    for _ in range(2):
-        cells = cells & find_cells_inside(~find_border_points(cells))
-    return cells
-
-
-def _is_inside_rough_outline(rows: Float64Array) -> NDArray[np.bool_]:
-    """Test which points of a grid (n, m, 2) lie inside a rounded outline with bays."""
-    u, v = (np.linspace(-1, 1, count) for count in rows.shape[:2])
-    x, y = rows[..., 0], rows[..., 1]
-    bays = np.sin(x / 17 + np.sin(y / 41)) + np.sin(y / 23 + np.sin(x / 37))
-    return u[:, None] ** 4 + v**4 < 0.95 + 0.22 * bays

@@ -471,6 +471,17 @@ def test_woods_keep_off_the_road_and_have_ragged_edges():
     assert shapely.MultiPoint(wood[:, :2]).convex_hull.area < 0.97 * 120 * 80
 
 
+def test_a_wood_has_trees_on_the_side_of_its_street():
+    item = Surrounding(kind=SurroundingKind.WOODS, area_m=((-60, 30), (60, 110)))
+    high, low = 0.6 * 11, 1.0
+    wood = points([mesh for mesh in built(item) if mesh.material.endswith("needles")])
+    assert wood[wood[:, 2] < low, 1].max() < 90, "spruces"
+    leaves = points([mesh for mesh in built(item) if mesh.material == "leaves"])
+    assert (leaves[:, 2] > high).sum() > 500
+    assert (leaves[:, 2] < low).sum() > 500, "down to the ground"
+    assert leaves[:, 1].max() < 95
+
+
 def test_a_driveway_begins_at_the_edge_of_the_paving():
     band = {"street": "road", "side": "left", "from_m": 50, "to_m": 57, "offset_m": (0, 8)}
     (mesh,) = built(Surrounding.model_validate({"kind": "driveway", "beside": band}))

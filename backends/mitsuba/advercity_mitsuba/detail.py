@@ -12,13 +12,16 @@ import numpy as np
 
 from advercity.geometry.arrays import Float32Array
 from advercity.materials import Texture
-from advercity_mitsuba.noise import hash_cell, retained_contrast, value_noise
+from advercity_mitsuba.noise import hash_bits, hash_cell, retained_contrast, value_noise
 from advercity_mitsuba.variant import dr, mi
 from advercity_mitsuba.weathering import LOGISTIC, WeatherTables, compute_wear
 
 MAPPED_M = 0.3
 LEVEL_SLOPE = 0.3
 """Sine of the slope up to which a surface counts as level."""
+LEAF_M, BRANCH_M = 0.11, 0.3
+LEAF_JITTER = 0.8
+"""How far leaves are off the corners of their lattice, over its cells."""
 MAX_OCTAVES = 9
 OCTAVE_COLUMNS = 8
 """Numbers of an octave: contrast of tone and of hue, wavelength, salt; stretch of the three axes,
@@ -57,15 +60,12 @@ def _of_surface(
 
 
 _FOLIAGE = (
-    _of_space(0.13, 1, 0.55),
     _of_space(0.6, 2, 0.35),
     _of_space(0.35, 3, hue=0.12),
     _Octave(6.0, 4, hue=0.20),
 )
 _CROWN = (
-    _of_space(0.11, 1, 0.8),
-    _of_space(0.28, 2, 0.7),
-    _of_space(0.8, 5, 0.35),
+    _of_space(1.1, 5, 0.25),
     _of_space(0.35, 3, hue=0.12),
     _Octave(6.0, 4, hue=0.20),
 )
@@ -179,6 +179,10 @@ def compute_detail(
     tone += dr.select(kind == int(Texture.ASPHALT), worn * uneven, 0.0)
     is_marking = kind == int(Texture.MARKING)
     tone -= dr.select(is_marking, 0.8 * _worn_paint(q, polish, fine), 0.0)
+    is_leaf, is_crown = kind == int(Texture.LEAVES), kind == int(Texture.CROWN)
+    leaves = _leaf_tones(p, LEAF_M, fine, 1)
+    tone += dr.select(is_leaf | is_crown, 0.45 * leaves, 0.0)
+    tone += dr.select(is_crown, 0.25 * _leaf_tones(p, BRANCH_M, fine, 3), 0.0)
     tone += _slab_tones(kind, mi.Point2f(across.x, across.y), n, fine, footprint)
     green, blue = mi.Float(0.25), mi.Float(-0.5)
     for texture in (Texture.GRASS, Texture.LEAVES, Texture.CROWN):
@@ -209,6 +213,33 @@ def _space_noise(p: Any, salt: Any) -> Any:
     f = p.z - layer
     at, q = mi.Int32(layer) * 64 + salt, mi.Point2f(p.x, p.y)
     return dr.lerp(value_noise(q, at), value_noise(q, at + 64), f * f * (3.0 - 2.0 * f))
+
+
+def _leaf_tones(p: Any, size: float, footprint: Any, salt: int) -> Any:
+    """Evaluate the tone of the leaf that is nearest, of those strewn over a lattice, one in a cell.
+
+    Beside the border to the next, both tones blend within the footprint.
+    """
+    q = p / size
+    cell = dr.floor(q)
+    first = mi.Vector3i(cell)
+    nearest, other = mi.Vector3i(first), mi.Vector3i(first)
+    away, other_away = mi.Float(1e3), mi.Float(1e3)
+    for i in range(8):
+        corner = (i & 1, (i >> 1) & 1, i >> 2)
+        at = first + mi.Vector3i(*corner)
+        bits = hash_bits(at.x, at.y, at.z * 64 + salt)
+        place = mi.Vector3f(bits & 1023, (bits >> 10) & 1023, (bits >> 20) & 1023) / 1023.0
+        own = dr.norm(mi.Vector3f(*corner) + LEAF_JITTER * (place - 0.5) - (q - cell))
+        is_nearest, is_next = own < away, own < other_away
+        other = dr.select(is_nearest, nearest, dr.select(is_next, at, other))
+        other_away = dr.select(is_nearest, away, dr.select(is_next, own, other_away))
+        nearest, away = dr.select(is_nearest, at, nearest), dr.select(is_nearest, own, away)
+    tone, beside = (hash_cell(i.x, i.y, i.z * 64 + salt + 1) for i in (nearest, other))
+    share = 0.5 + (other_away - away) * size / dr.maximum(2.0 * footprint, 1e-6)
+    return retained_contrast(2.0 * size, footprint) * dr.lerp(
+        beside, tone, dr.clip(share, 0.5, 1.0)
+    )
 
 
 def _cell_number(cell: Any, salt: int) -> Any:

@@ -10,12 +10,16 @@ from advercity_mitsuba.variant import dr, mi
 
 def hash_cell(x: Any, y: Any, salt: Any) -> Any:
     """Compute a pseudorandom number in [-1, 1) of a cell by its integers."""
-    h = _mix(
+    return mi.Float(hash_bits(x, y, salt) >> 8) / 8388608.0 - 1.0
+
+
+def hash_bits(x: Any, y: Any, salt: Any) -> Any:
+    """Compute 32 pseudorandom bits of a cell by its integers."""
+    return _mix(
         mi.UInt32(x) * 0x9E3779B1
         ^ mi.UInt32(y) * 0x85EBCA6B
         ^ mi.UInt32(mi.Int32(salt)) * 0xC2B2AE35
     )
-    return mi.Float(h >> 8) / 8388608.0 - 1.0
 
 
 def _mix(h: Any) -> Any:

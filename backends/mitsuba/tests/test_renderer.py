@@ -115,6 +115,16 @@ def test_a_field_of_crops_has_the_patches_of_sapiens(backend: MitsubaBackend) ->
     assert np.corrcoef(found.ravel(), expected.ravel())[0, 1] > 0.98
 
 
+def test_a_crown_has_the_leaves_of_sapiens(backend: MitsubaBackend) -> None:
+    world = build_world((build_box((6, 0, 1.5), (1, 30, 9), "inner_leaves", Semantic.VEGETATION),))
+    found, expected = (
+        brightness(render(one, build_clear_air(2000.0), world=world, frame=build_frame()))
+        for one in (backend, load_backend("sapien"))
+    )
+    assert found.mean() == pytest.approx(expected.mean(), rel=0.04)
+    assert np.corrcoef(found.ravel(), expected.ravel())[0, 1] > 0.98
+
+
 @pytest.mark.parametrize("extinction", [0.0, 0.003, 0.01], ids=["clear", "mist", "fog"])
 def test_lamps_are_as_bright_as_sapiens(backend: MitsubaBackend, extinction: float) -> None:
     fog = AirExtinction(fog=Extinction(at_550nm=extinction))

@@ -6,12 +6,13 @@ uint hashMix(uint h) {
   return h ^ (h >> 16u);
 }
 
-// Pseudorandom number in [-1, 1) of a cell of a grid.
-float hashUnit(ivec3 cell) {
-  uint h = hashMix(uint(cell.x) * 0x9e3779b1u ^ uint(cell.y) * 0x85ebca6bu
+// Pseudorandom bits of a cell of a grid, and a number in [-1, 1) of them.
+uint hashCell(ivec3 cell) {
+  return hashMix(uint(cell.x) * 0x9e3779b1u ^ uint(cell.y) * 0x85ebca6bu
       ^ uint(cell.z) * 0xc2b2ae35u);
-  return float(h >> 8u) / 8388608.0 - 1.0;
 }
+
+float hashUnit(ivec3 cell) { return float(hashCell(cell) >> 8u) / 8388608.0 - 1.0; }
 
 float hashUnit(vec2 cell, int salt) { return hashUnit(ivec3(wholeNumber(cell), salt)); }
 

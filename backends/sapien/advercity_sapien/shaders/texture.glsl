@@ -35,6 +35,38 @@ float octave(vec3 p, float wavelength, float footprint, int salt) {
   return fraction > 0.0 ? fraction * noise(p / wavelength, salt) : 0.0;
 }
 
+// How far leaves are off the corners of their lattice, over its cells.
+const float LEAF_JITTER = 0.8;
+
+// Random tone of each of the leaves in space: where a point is nearest to one of those strewn over a
+// lattice, one in a cell. Beside the border to the next, both tones blend within the footprint.
+float leafTones(vec3 p, float size, float footprint, int salt) {
+  float fraction = retainedContrast(2.0 * size, footprint);
+  if (fraction <= 0.0) return 0.0;
+  vec3 q = p / size, cell = floor(q);
+  ivec3 first = wholeNumber(cell), nearest = first, next = first;
+  float nearestAway = 1e3, nextAway = 1e3;
+  for (int i = 0; i < 8; ++i) {
+    ivec3 corner = ivec3(i & 1, (i >> 1) & 1, i >> 2), at = first + corner;
+    uint h = hashCell(ivec3(at.xy, at.z * 64 + salt));
+    vec3 place = vec3(h & 1023u, (h >> 10u) & 1023u, (h >> 20u) & 1023u) / 1023.0;
+    float away = length(vec3(corner) + LEAF_JITTER * (place - 0.5) - (q - cell));
+    if (away < nearestAway) {
+      nextAway = nearestAway;
+      next = nearest;
+      nearestAway = away;
+      nearest = at;
+    } else if (away < nextAway) {
+      nextAway = away;
+      next = at;
+    }
+  }
+  float own = hashUnit(ivec3(nearest.xy, nearest.z * 64 + salt + 1));
+  float other = hashUnit(ivec3(next.xy, next.z * 64 + salt + 1));
+  float share = clamp(0.5 + (nextAway - nearestAway) * size / max(2.0 * footprint, 1e-6), 0.5, 1.0);
+  return fraction * mix(other, own, share);
+}
+
 // Joints of a width between pieces of a size: 1 in them, less the fraction that they cover, so that
 // the mean is 0.
 float joints(vec2 p, vec2 size, float width, float footprint) {
@@ -133,12 +165,12 @@ vec3 materialDetail(int kind, bool mapped, vec3 p, vec3 n, float footprint) {
   }
   if (kind == TEXTURE_CROWN) {
     // Leaves and the gaps between them.
-    float tone = 0.8 * octave(p, 0.11, f, 1) + 0.7 * octave(p, 0.28, f, 2) + 0.35 * octave(p, 0.8, f, 5);
+    float tone = 0.45 * leafTones(p, 0.11, f, 1) + 0.25 * leafTones(p, 0.3, f, 3) + 0.25 * octave(p, 1.1, f, 5);
     float hue = 0.12 * octave(p, 0.35, f, 3) + 0.20 * octave(q, 6.0, f, 4);
     return max(vec3(1.0) + tone + hue * PLANT_HUE, 0.0);
   }
   if (kind == TEXTURE_LEAVES) {
-    float tone = 0.55 * octave(p, 0.13, f, 1) + 0.35 * octave(p, 0.6, f, 2);
+    float tone = 0.45 * leafTones(p, 0.11, f, 1) + 0.35 * octave(p, 0.6, f, 2);
     float hue = 0.12 * octave(p, 0.35, f, 3) + 0.20 * octave(q, 6.0, f, 4);
     return vec3(1.0) + tone + hue * PLANT_HUE;
   }
