@@ -73,6 +73,28 @@ def test_images_do_not_show_where_tiles_meet(monkeypatch: pytest.MonkeyPatch) ->
     assert difference[:, seams].mean() < 2.0 * difference.mean()
 
 
+@pytest.mark.render
+@pytest.mark.usefixtures("ideal_surfaces")
+@pytest.mark.parametrize("size", [(96, 54), LARGE])
+def test_an_image_is_the_same_after_one_of_panes_elsewhere(size: tuple[int, int]) -> None:
+    ahead = [
+        build_box((10.0, y, 0.0), (0.01, 0.2, 9.0), "glass", Semantic.VEHICLE)
+        for y in np.arange(-9, 9, 0.5)
+    ]
+    behind = [build_box((-10.0, y, 0.0), (0.02, 0.1, 9.0), "grey") for y in np.arange(-9, 9, 0.3)]
+    views = [
+        view_of(pose_matrix((0.0, 0.0, 1.0), yaw=yaw, roll=0.1), size=size) for yaw in (0.0, np.pi)
+    ]
+    world = world_of(*ahead, *behind)
+    # Light that changes from pixel to pixel: where it is even, means do not show which are mixed.
+    air = air_of(sky=lambda sine: 1000.0 * (1.0 + sine))
+    with SapienBackend().open(world, air, PROFILE) as renderer:
+        renderer.place(frame_of())
+        before, _, after = (renderer.render_camera(views[index]) for index in (1, 0, 1))
+    assert np.array_equal(before.radiance, after.radiance)
+    assert np.array_equal(before.instance, after.instance)
+
+
 @pytest.mark.parametrize("size", [(1920, 1080), (961, 541), (3001, 517), (1280, 960)])
 def test_tiles_of_one_size_cover_an_image_and_overlap_by_margins(size: tuple[int, int]) -> None:
     tiles = list(cut_into_tiles(*size))
