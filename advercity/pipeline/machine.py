@@ -9,6 +9,11 @@ from pathlib import Path
 import psutil
 
 VISIBLE_DEVICES_VARIABLE = "CUDA_VISIBLE_DEVICES"
+DRIVER_THREADS_VARIABLE = "LP_NUM_THREADS"
+"""Threads of Mesa's software driver that draw, for which sorted triangles wait in memory; at 0 the
+thread that sorts them draws, too. Images are the same."""
+HEAPS_VARIABLE = "MALLOC_ARENA_MAX"
+"""Heaps of the GNU C library at most; each keeps what is freed in it."""
 CGROUP_FOLDER = Path("/sys/fs/cgroup")
 """Root of the control groups (version 2), which hold the limits of a container."""
 
@@ -58,6 +63,16 @@ def find_visible_gpus() -> tuple[str, ...]:
     return tuple(done.stdout.split()) if done.returncode == 0 else ()
 
 
-def build_gpu_environment(slot: int, gpus: tuple[str, ...]) -> dict[str, str]:
-    """Build the variables that give the worker in a slot one GPU; workers share GPUs in turn."""
-    return {VISIBLE_DEVICES_VARIABLE: gpus[slot % len(gpus)]} if gpus else {}
+def build_worker_environment(
+    slot: int, gpus: tuple[str, ...], cores_per_worker: int
+) -> dict[str, str]:
+    """Build the variables of the worker in a slot: one GPU, shared in turn, and threads.
+
+    Mesa's driver has as many as the worker has cores, and none beside as many workers as cores,
+    where they would only take memory. All threads have one heap: they allocate little.
+    """
+    threads = cores_per_worker if cores_per_worker > 1 else 0
+    environment = {DRIVER_THREADS_VARIABLE: str(threads), HEAPS_VARIABLE: "1"}
+    if gpus:
+        environment[VISIBLE_DEVICES_VARIABLE] = gpus[slot % len(gpus)]
+    return environment

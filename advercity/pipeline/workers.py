@@ -28,7 +28,11 @@ from advercity_dsl import Spec
 
 from advercity.dataset.index import IndexWriter
 from advercity.errors import AdvercityError, RunError, describe_cause, report_temporary_errors
-from advercity.pipeline.machine import build_gpu_environment, find_visible_gpus
+from advercity.pipeline.machine import (
+    build_worker_environment,
+    count_usable_cores,
+    find_visible_gpus,
+)
 from advercity.pipeline.messages import (
     FINISH,
     FramesClaimed,
@@ -79,6 +83,7 @@ class WorkerPool:
         self._specs, self._options, self._listener = specs, options, listener
         self._limits, self._gpus = resources.limits, find_visible_gpus()
         self._worker_count = resources.worker_count
+        self._cores_per_worker = count_usable_cores() // resources.worker_count
         self._free_slots = list(reversed(range(resources.worker_count)))
         self._is_new_output = not options.output.exists()
         self._index = IndexWriter(options.output, specs)
@@ -110,7 +115,9 @@ class WorkerPool:
             run = self._select_scenario()
             if run is None:
                 return
-            run.start_worker(self._free_slots.pop(), self._gpus)
+            slot = self._free_slots.pop()
+            environment = build_worker_environment(slot, self._gpus, self._cores_per_worker)
+            run.start_worker(slot, environment)
 
     def _select_scenario(self) -> "_PooledScenario | None":
         """Open the next scenario, or find the running one that needs one more worker most."""
@@ -368,12 +375,12 @@ class _PooledScenario:
             size_bytes=last.size_bytes + sum(one.size_bytes for one in joined),
         )
 
-    def start_worker(self, slot: int, gpus: tuple[str, ...]) -> None:
+    def start_worker(self, slot: int, environment: dict[str, str]) -> None:
         """Start a worker: the first opens the scenario, the others join it."""
         index = len(self.workers) + len(self.ended)
         group = self.workers[0].process.pid if index else 0
         task = WorkerTask(self.spec, self.options, index)
-        self.workers.append(_Worker(task, slot, group, build_gpu_environment(slot, gpus)))
+        self.workers.append(_Worker(task, slot, group, environment))
 
     def enforce_limits(self) -> None:
         """Measure memory and time; end the scenario if it takes too much."""

@@ -3,7 +3,12 @@ from pathlib import Path
 import psutil
 import pytest
 
-from advercity.pipeline.machine import count_usable_cores, free_memory_bytes, total_memory_bytes
+from advercity.pipeline.machine import (
+    build_worker_environment,
+    count_usable_cores,
+    free_memory_bytes,
+    total_memory_bytes,
+)
 
 
 def told(folder: Path, **values: str) -> Path:
@@ -28,3 +33,8 @@ def test_a_container_may_take_no_more_memory_than_it_has_left(tmp_path: Path) ->
     assert total_memory_bytes(tmp_path) == 5000
     unlimited = free_memory_bytes(told(tmp_path, memory_max="max"))
     assert unlimited == pytest.approx(psutil.virtual_memory().available, rel=0.2)
+
+
+def test_the_driver_draws_in_threads_only_where_a_worker_has_several_cores() -> None:
+    threads = [build_worker_environment(0, (), cores)["LP_NUM_THREADS"] for cores in (8, 2, 1, 0)]
+    assert threads == ["8", "2", "0", "0"]

@@ -4,7 +4,6 @@ The Vulkan device is probed in a child process: without a usable driver SAPIEN m
 process instead of raising.
 """
 
-import ctypes
 import os
 import re
 import subprocess
@@ -120,8 +119,6 @@ class SapienBackend:
                 f"profile '{profile.name}' requires ray tracing, which {device.name} does not"
                 f" support; choose a raster profile, or {INSTALL_HINT}"
             )
-        if device.is_software:
-            _share_freed_memory()
         # SAPIEN takes seconds to import and looks for a driver, so only a renderer imports it.
         import sapien
 
@@ -144,17 +141,6 @@ def _drop_driver_settings() -> None:
     dropped = {name: os.environ.pop(name, "") for name in DRIVER_SETTINGS}
     if "nopt" in dropped["GALLIVM_PERF"].split(","):
         os.environ["GALLIVM_PERF"] = "nopt"
-
-
-def _share_freed_memory() -> None:
-    """Let threads to come allocate from one heap, where the C library is GNU's.
-
-    Otherwise each of the driver's threads has its own, and keeps what it has freed: a tenth of the
-    memory of a process that renders previews. They allocate little while they draw.
-    """
-    arena_max = -8  # M_ARENA_MAX of malloc.h
-    if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):
-        library.mallopt(arena_max, 1)
 
 
 _kept: list["sapien.render.RenderSystem"] = []
