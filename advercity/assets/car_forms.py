@@ -40,6 +40,8 @@ class CarForm:
     """Side windows from the front, behind and ahead of the B-pillar; a panel van lacks some."""
     is_rugged: bool = False
     """Whether it has roof rails, and black sills and wheel arches."""
+    squareness: float = 0.0
+    """How square its corners are and how upright its sides, from a car's (0) to a box's (1)."""
     is_cab: bool = False
     """Whether it is the cab of a truck, with its doors over the front wheels."""
     headlamp_rows: tuple[float, float] = (3.9, 5.55)
@@ -96,9 +98,9 @@ PANEL_VAN = CarForm(
 CAB = CarForm(
     axles=(0.55, 9.0), wheel_m=0.45, clearance_m=0.40,
     bonnet=(0.525, 0.545, 0.56), belt=(0.555, 0.56),
-    cabin=(0.075, 0.18, 0.955, 0.985), roof=(0.95, 0.995, 0.985),
-    boot=(0.60, 0.56, 0.53), rear_screen=0.82, pillar=0.70, roof_width=0.88,
-    nose_rake=0.3, tail_rake=0.1, side_windows=(True, False), is_cab=True,
+    cabin=(0.075, 0.18, 0.98, 0.99), roof=(0.95, 0.995, 0.985),
+    boot=(0.60, 0.56, 0.53), rear_screen=0.82, pillar=0.70, roof_width=0.95,
+    nose_rake=0.3, tail_rake=0.1, side_windows=(True, False), squareness=0.7, is_cab=True,
     headlamp_rows=(2.35, 3.3), grille_rows=(3.1, 5.05), plate_row=1.75,
 )  # fmt: skip
 
@@ -154,13 +156,19 @@ def build_car_cage(form: CarForm, length_m: float, half_m: float, height_m: floa
         station, [0.03, 0.10, 0.22, 0.78, 0.92, 0.98], [0.93, 0.975, 1, 1, 0.975, 0.94]
     )
     width[:4], width[-4:] = _END_WIDTHS, _END_WIDTHS[::-1]
+    width[width > 0.8] = _square(width[width > 0.8], form)
     roofed = _compute_roof_fraction()[:, None]
     flank = bottom[:, None] + _FLANK_HEIGHTS * (top - bottom)[:, None]
     low = top[:, None] + _BONNET_HEIGHTS * (centre - top)[:, None]
-    high = centre[:, None] - _ROOF_DROPS * np.minimum(1.0, (centre - top) / 0.2)[:, None]
+    drops = (1.0 - form.squareness / 2) * _ROOF_DROPS
+    high = centre[:, None] - drops * np.minimum(1.0, (centre - top) / 0.2)[:, None]
     upper = (1 - roofed) * low + roofed * high
-    across = (1 - roofed) * _BONNET_WIDTHS + roofed * form.roof_width * _ROOF_WIDTHS
-    y = width[:, None] * np.hstack([np.broadcast_to(_FLANK_WIDTHS, flank.shape), across])
+    roof_widths = _ROOF_WIDTHS.copy()
+    roof_widths[:2] = _square(roof_widths[:2], form)
+    across = (1 - roofed) * _BONNET_WIDTHS + roofed * form.roof_width * roof_widths
+    flanks = _FLANK_WIDTHS.copy()
+    flanks[SILL:] = _square(flanks[SILL:], form)
+    y = width[:, None] * np.hstack([np.broadcast_to(flanks, flank.shape), across])
     x = np.broadcast_to(station[:, None], y.shape).copy()
     near = np.clip(1.0 - np.abs(station - np.round(station)) / 0.10, 0.0, 1.0)[:, None]
     x += np.where(station < 0.5, 1, 0)[:, None] * near * form.nose_rake * _NOSE_SETBACK
@@ -172,17 +180,23 @@ def build_car_cage(form: CarForm, length_m: float, half_m: float, height_m: floa
     return np.stack([length_m * (0.5 - x), half_m * y, height_m * z], axis=-1)
 
 
+def _square(widths: Float64Array, form: CarForm) -> Float64Array:
+    """Widen what a form has within its full width of 1."""
+    return widths + form.squareness * (1.0 - widths)
+
+
 def _compute_stations(form: CarForm) -> Float64Array:
     """Compute the stations of the columns."""
+    bow = (1.0 - form.squareness / 2) * _END_BOW
     cowl, header, back, foot = form.cabin
     ahead = np.minimum(np.array([0.11, 0.185]), np.array([0.45, 0.8]) * cowl)
     ahead = np.maximum(ahead, [0.062, 0.066])
     behind = max(foot + 0.004, min(0.94, foot + 0.05))
     roof = back - header
-    tail = min(1.0, (0.997 - behind) / _END_BOW[-1])
+    tail = min(1.0, (0.997 - behind) / bow[-1])
     return np.array(
         [
-            *_END_BOW,
+            *bow,
             *ahead,
             max(cowl - 0.035, ahead[1] + 0.002),
             cowl,
@@ -193,7 +207,7 @@ def _compute_stations(form: CarForm) -> Float64Array:
             (back + foot) / 2,
             foot,
             behind,
-            *(1 - tail * _END_BOW[::-1]),
+            *(1 - tail * bow[::-1]),
         ]
     )
 

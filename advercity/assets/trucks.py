@@ -45,7 +45,7 @@ def build_truck(blueprint_id: str, size: Size) -> list[MeshPart]:
 def _build_box_truck(blueprint_id: str, size: Size) -> list[MeshPart]:
     length, width, height = size
     front, half = length / 2, width / 2 - 0.14
-    behind = front - 0.31 * length
+    behind = front - 0.32 * length
     rear, side = -length / 2, width / 2 - 0.06
     cab = CabPlace(front, behind, half, 0.94 * height, width, front - 0.17 * length, 0.42)
     cargo = CargoBox(rear, behind - 0.06, side, 0.75, height)
