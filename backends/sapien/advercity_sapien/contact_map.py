@@ -13,7 +13,8 @@ from advercity.frames import Frame
 from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.semantics import Semantic
 from advercity.world import World
-from advercity_sapien.light_probes import GROUND_CLASSES, LightProbes
+from advercity_sapien.light_probes import LightProbes
+from advercity_sapien.probe_grid import GROUND_CLASSES
 
 TEXEL_M, MAX_TEXELS = 0.2, 1536
 CLEARANCE_M = 0.6

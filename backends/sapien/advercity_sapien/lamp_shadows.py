@@ -18,7 +18,7 @@ from advercity.rendering.light_sources import LAMP_HEIGHT_M
 from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.world import World
 from advercity_sapien.lamp_lists import MAX_RANGE_M
-from advercity_sapien.light_probes import GROUND_CLASSES
+from advercity_sapien.probe_grid import GROUND_CLASSES
 from advercity_sapien.shader_table import COLUMNS
 
 HOUSING_M = 0.25

@@ -14,9 +14,8 @@ follows from them within some per cent (Ramamoorthi and Hanrahan 2001). With the
 walls would have too much light from their sides: 6 % in all in a town.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,32 +26,19 @@ from advercity.materials import MATERIALS, TRANSMITTED_BY_LEAVES, Texture
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.photometry import cubemap_directions, cubemap_solid_angles, luminance
 from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster, RayHits, Rays
-from advercity.semantics import Semantic
 from advercity.world import World
+from advercity_sapien.probe_grid import LEVEL_HEIGHTS_M, RAY_OFFSET_M, ProbeGrid, place_grid
+from advercity_sapien.skylines import NO_SKYLINES, SKYLINE_LEVEL, Skylines, bake_skylines
 
-PROBE_SPACING_M, MAX_PROBES_PER_EDGE = 3.0, 128
-LEVEL_HEIGHTS_M = (0.3, 1.5, 3.5, 6.5, 11.0)
-"""Heights of probes above the ground."""
 AWAY_M = 1.0
 """How far before a surface its light is looked up, so that probes behind it count little."""
 DARKEST = 0.05
 """Least irradiance relative to the mean over all directions: few harmonics may make it negative."""
-MARGIN_M = 30.0
-"""How far from the lanes there are probes."""
 DIRECTION_COUNT, TURNS = 48, 4
 """Directions into which a probe looks; sets of them, each turned against the others."""
 MAX_RANGE_M = 200.0
 FURTHER_REFLECTIONS = 2
 """Reflections of skylight, and of sunlight after its first; of the third, 1 % is left in a town."""
-RAY_OFFSET_M = 0.02
-GROUND_CLASSES = (
-    Semantic.ROAD,
-    Semantic.ROAD_LINE,
-    Semantic.SIDEWALK,
-    Semantic.TERRAIN,
-    Semantic.GROUND,
-)
-MAX_SURFACES_ABOVE_GROUND = 8
 GROUND_CHANNEL = 3
 MOMENTS = 11
 """Numbers of the light at a probe: integrals of radiance by colour, then of luminance times the
@@ -75,6 +61,7 @@ class LightProbes:
         corner: South-western corner (x, y) of the grid, metres.
         size: Width and height, metres.
         open_shape: The shape (8,) in the open.
+        skylines: What hides the sky around each probe.
     """
 
     light: Float32Array
@@ -82,6 +69,7 @@ class LightProbes:
     corner: tuple[float, float]
     size: tuple[float, float]
     open_shape: Float64Array
+    skylines: Skylines
 
     @property
     def ground(self) -> Float32Array:
@@ -97,7 +85,7 @@ class LightProbes:
 
 _ONE_PROBE = np.ones((len(LEVEL_HEIGHTS_M), 1, 4), np.float32)
 NO_PROBES = LightProbes(
-    _ONE_PROBE, (_ONE_PROBE, _ONE_PROBE), (0.0, 0.0), (0.0, 0.0), np.zeros(MOMENTS - 3)
+    _ONE_PROBE, (_ONE_PROBE, _ONE_PROBE), (0.0, 0.0), (0.0, 0.0), np.zeros(MOMENTS - 3), NO_SKYLINES
 )
 
 
@@ -106,14 +94,24 @@ def bake_light_probes(world: World, atmosphere: Atmosphere) -> LightProbes:
     if atmosphere.is_dark or not world.lanes:
         return NO_PROBES
     raycaster = Raycaster(world)
-    grid = _place_grid(raycaster, world)
+    grid = place_grid(raycaster, world)
     around = _Surroundings.from_atmosphere(atmosphere)
     levels = [_gather_light(raycaster, grid, height, around) for height in LEVEL_HEIGHTS_M]
-    found = np.stack([_spread_light(grid, level, level.moments) for level in levels])
+    found = np.stack([grid.smooth(level.moments, level.is_buried) for level in levels])
     for _ in range(FURTHER_REFLECTIONS):
         moments = [_add_reflections(grid, around, level, found) for level in levels]
-        found = np.stack([_spread_light(grid, *pair) for pair in zip(levels, moments, strict=True)])
+        found = np.stack(
+            [grid.smooth(m, level.is_buried) for m, level in zip(moments, levels, strict=True)]
+        )
     in_the_open = around.compute_moments()
+    sources = found.reshape(-1, MOMENTS)
+
+    def shade(points: FloatArray, hits: RayHits) -> Float64Array:
+        lux = _compute_sunlight(raycaster, atmosphere, points, hits)
+        source = grid.find_nearest(points + AWAY_M * hits.normal)
+        lux += compute_irradiance(sources[source], hits.normal.astype(np.float64))
+        return _ALBEDO[hits.material] / np.pi * lux
+
     light = np.empty((*found.shape[:3], 4), np.float32)
     light[..., :3] = found[..., :3] / in_the_open[:3]
     light[..., GROUND_CHANNEL] = grid.ground
@@ -128,6 +126,7 @@ def bake_light_probes(world: World, atmosphere: Atmosphere) -> LightProbes:
         grid.corner,
         grid.size,
         in_the_open[3:] / _compute_mean(in_the_open),
+        bake_skylines(raycaster, grid, levels[SKYLINE_LEVEL].is_buried, shade),
     )
 
 
@@ -204,80 +203,6 @@ def _average_around(directions: Float64Array, faces: Float32Array) -> Float64Arr
 
 
 @dataclass(frozen=True, eq=False)
-class _Grid:
-    """Where probes are.
-
-    Attributes:
-        corner: South-western corner (x, y), metres.
-        spacing_m: Between probes, which are in the middle of cells.
-        ground: Height (rows, columns) of the ground, below trees and roofs.
-    """
-
-    corner: tuple[float, float]
-    spacing_m: float
-    ground: Float64Array
-
-    @property
-    def columns(self) -> int:
-        """Number of probes from west to east."""
-        return self.ground.shape[1]
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Width and height, metres."""
-        return self.columns * self.spacing_m, len(self.ground) * self.spacing_m
-
-    @property
-    def turns(self) -> NDArray[np.uint16]:
-        """Which set of directions each probe (n,) has."""
-        row, column = np.indices(self.ground.shape)
-        return (2 * (row % 2) + column % 2).ravel().astype(np.uint16)
-
-    def list_points(self, height_m: float) -> Float32Array:
-        """List the points (n, 3) at a height above the ground."""
-        rows, columns = self.ground.shape
-        x = self.corner[0] + (np.arange(columns) + 0.5) * self.spacing_m
-        y = self.corner[1] + (np.arange(rows) + 0.5) * self.spacing_m
-        points = np.stack([*np.meshgrid(x, y), self.ground + height_m], axis=-1)
-        return points.reshape(-1, 3).astype(np.float32)
-
-    def find_nearest(self, points: FloatArray) -> NDArray[np.int32]:
-        """Find the probes (n,) nearest to points (n, 3), numbered by level, row and column."""
-        place = np.floor((points[:, :2] - self.corner) / self.spacing_m).astype(np.int32)
-        last = np.array(self.ground.shape[::-1], np.int32) - 1
-        column, row = np.clip(place, 0, last).T
-        between = np.convolve(LEVEL_HEIGHTS_M, (0.5, 0.5), "valid")
-        level = np.searchsorted(between, points[:, 2] - self.ground[row, column])
-        return ((level * len(self.ground) + row) * self.columns + column).astype(np.int32)
-
-
-def _place_grid(raycaster: Raycaster, world: World) -> _Grid:
-    """Place the grid around the lanes."""
-    points = np.concatenate([lane.left[:, :2] for lane in world.lanes])
-    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
-    spacing = max(PROBE_SPACING_M, float((high - low).max()) / MAX_PROBES_PER_EDGE)
-    columns, rows = (int(count) for count in np.ceil((high - low) / spacing))
-    level = _Grid((float(low[0]), float(low[1])), spacing, np.zeros((rows, columns)))
-    return replace(level, ground=_find_ground(raycaster, level))
-
-
-def _find_ground(raycaster: Raycaster, grid: _Grid) -> Float64Array:
-    """Find the height (rows, columns) of the ground, below trees and roofs."""
-    top = 500.0
-    origins = grid.list_points(top)
-    ground = np.full(len(origins), np.nan)
-    for _ in range(MAX_SURFACES_ABOVE_GROUND):
-        pending = np.flatnonzero(np.isnan(ground))
-        down = np.broadcast_to(np.array([0.0, 0.0, -1.0], np.float32), (len(pending), 3))
-        hits = raycaster.cast(Rays(origins[pending], down), 2.0 * top)
-        height = origins[pending, 2] - hits.range_m
-        is_ground = np.isin(hits.semantic, GROUND_CLASSES) & np.isfinite(hits.range_m)
-        ground[pending[is_ground]] = height[is_ground]
-        origins[pending, 2] = height - RAY_OFFSET_M
-    return np.where(np.isnan(ground), np.nanmedian(ground), ground).reshape(grid.ground.shape)
-
-
-@dataclass(frozen=True, eq=False)
 class _GatheredLight:
     """Light at the n probes of a level, and what their rays hit.
 
@@ -312,7 +237,7 @@ class _ReflectingHits:
 
 
 def _gather_light(
-    raycaster: Raycaster, grid: _Grid, height_m: float, around: _Surroundings
+    raycaster: Raycaster, grid: ProbeGrid, height_m: float, around: _Surroundings
 ) -> _GatheredLight:
     """Gather the light of the sky, the air and surfaces in the sun at the probes of a level."""
     origins = grid.list_points(height_m)
@@ -368,7 +293,7 @@ def _compute_sunlight(
 
 
 def _add_reflections(
-    grid: _Grid, around: _Surroundings, level: _GatheredLight, found: Float64Array
+    grid: ProbeGrid, around: _Surroundings, level: _GatheredLight, found: Float64Array
 ) -> Float64Array:
     """Add what surfaces reflect of the light (levels, rows, columns, MOMENTS) at all probes."""
     moments, sources, turns = level.moments.copy(), found.reshape(-1, MOMENTS), grid.turns
@@ -377,25 +302,3 @@ def _add_reflections(
         radiance = _ALBEDO[hits.material] / np.pi * lux * hits.transmittance[:, None]
         moments[hits.receiver] += _compute_moments(radiance, directions[turns[hits.receiver]])
     return moments
-
-
-def _spread_light(grid: _Grid, level: _GatheredLight, moments: Float64Array) -> Float64Array:
-    """Smooth the light of a level, which few directions make uneven: (rows, columns, MOMENTS).
-
-    Probes inside things, which see no sky, first get the light of the nearest outside.
-    """
-    light, is_buried = moments.copy(), level.is_buried
-    if is_buried.any() and not is_buried.all():
-        _, label = cv2.distanceTransformWithLabels(
-            is_buried.reshape(grid.ground.shape).astype(np.uint8),
-            cv2.DIST_L2,
-            5,
-            labelType=cv2.DIST_LABEL_PIXEL,
-        )
-        label = label.ravel().astype(np.int64)
-        source = np.empty(int(label.max()) + 1, dtype=np.int64)
-        source[label[~is_buried]] = np.flatnonzero(~is_buried)
-        light[is_buried] = light[source[label[is_buried]]]
-    channels = light.reshape(*grid.ground.shape, MOMENTS).transpose(2, 0, 1)
-    smooth = [cv2.GaussianBlur(np.ascontiguousarray(one), (3, 3), 0.0) for one in channels]
-    return np.stack(smooth, axis=-1).astype(np.float64)

@@ -33,6 +33,7 @@ from advercity_sapien.sapien_scene import SapienScene
 from advercity_sapien.shader_bindings import RasterBindings, RayTracedBindings
 from advercity_sapien.shader_constants import FAR_M, NEAR_M, SHADER_FOLDER
 from advercity_sapien.shader_table import KILO, SceneTexels, ShaderTable
+from advercity_sapien.skylines import build_skyline_texture
 
 Images = dict[str, NDArray[Any]]
 COMPACT_IMAGES = {
@@ -143,6 +144,8 @@ class SapienRenderer:
             "ProbeLight": self._probes.light,
             "ProbeFirst": self._probes.shape[0],
             "ProbeSecond": self._probes.shape[1],
+            "SkylineLight": build_skyline_texture(self._probes.skylines),
+            "SkylineNearness": self._probes.skylines.nearness,
         }
 
     def _write_light_parameters(self, atmosphere: Atmosphere) -> None:

@@ -59,18 +59,15 @@ from advercity_sapien.lamp_shadows import (
     CELLS_PER_ROW,
     LENS_REACH,
 )
-from advercity_sapien.light_probes import (
-    AWAY_M,
-    DARKEST,
-    IRRADIANCE_FACTORS,
-    LEVEL_HEIGHTS_M,
-)
+from advercity_sapien.light_probes import AWAY_M, DARKEST, IRRADIANCE_FACTORS
 from advercity_sapien.material_textures import MAX_ROUGHNESS_RATIO
+from advercity_sapien.probe_grid import LEVEL_HEIGHTS_M
 from advercity_sapien.shader_table import (
     FOG_BEAM_SCALE,
     format_scene_textures_glsl,
     format_table_glsl,
 )
+from advercity_sapien.skylines import AZIMUTHS, NEAREST_M, SKYLINE_LEVEL
 
 SHADER_FOLDER = Path(__file__).parent / "shaders"
 NEAR_M, FAR_M = 0.1, 3000.0
@@ -186,6 +183,9 @@ def _format_constants() -> Iterator[str]:
     yield f"const float PROBE_HEIGHTS[PROBE_LEVELS] = float[]({heights});"
     factors = ", ".join(_float(float(value)) for value in IRRADIANCE_FACTORS)
     yield f"const mat2x4 IRRADIANCE_FACTORS = mat2x4({factors});"
+    yield f"const int SKYLINE_AZIMUTHS = {AZIMUTHS};"
+    yield f"const float SKYLINE_NEAREST = {_float(NEAREST_M)};"
+    yield f"const float SKYLINE_HEIGHT = {_float(LEVEL_HEIGHTS_M[SKYLINE_LEVEL])};"
     yield f"const ivec2 REACH_CELL = ivec2({CELL_COLUMNS}, {CELL_ROWS});"
     yield f"const int REACH_CELLS_PER_ROW = {CELLS_PER_ROW};"
     for name, layout in (("BEAM", BEAM_REACH), ("LENS", LENS_REACH)):

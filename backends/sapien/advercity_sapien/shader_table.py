@@ -133,6 +133,8 @@ SCENE_TEXTURES = (
     SceneTexture("ProbeLight", "R32G32B32A32Sfloat", "edge", None),
     SceneTexture("ProbeFirst", "R32G32B32A32Sfloat", "edge", None),
     SceneTexture("ProbeSecond", "R32G32B32A32Sfloat", "edge", None),
+    SceneTexture("SkylineLight", "R16G16B16A16Sfloat", "edge", None),
+    SceneTexture("SkylineNearness", "R8Unorm", "edge", None),
     SceneTexture("Contact", "R8Unorm", "edge", None),
     SceneTexture("LampReach", "R32Sfloat", "edge", None),
 )

@@ -4,12 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from advercity_sapien.light_probes import (
-    LEVEL_HEIGHTS_M,
-    LightProbes,
-    bake_light_probes,
-    compute_irradiance,
-)
+from advercity_sapien.light_probes import LightProbes, bake_light_probes, compute_irradiance
+from advercity_sapien.probe_grid import LEVEL_HEIGHTS_M
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 

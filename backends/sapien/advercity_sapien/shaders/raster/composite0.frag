@@ -13,6 +13,12 @@ layout(set = 0, binding = 6) uniform sampler2D samplerAirlight;
 layout(set = 0, binding = 7) uniform sampler2D samplerAmbient;
 layout(set = 0, binding = 8) uniform sampler2D samplerLampReach;
 layout(set = 0, binding = 9) uniform sampler2D samplerPane;
+layout(set = 0, binding = 10) uniform sampler2D samplerProbeLight;
+layout(set = 0, binding = 11) uniform sampler2D samplerProbeFirst;
+layout(set = 0, binding = 12) uniform sampler2D samplerProbeSecond;
+layout(set = 0, binding = 13) uniform sampler2D samplerContact;
+layout(set = 0, binding = 14) uniform sampler2D samplerSkylineLight;
+layout(set = 0, binding = 15) uniform sampler2D samplerSkylineNearness;
 
 // Radiance of the surfaces that the camera sees, through air, and depth.
 layout(location = 0) out vec4 outSeen;
@@ -37,6 +43,8 @@ layout(location = 2) out vec4 outGlow;
 #include "./spread_light.glsl"
 #include "./view.glsl"
 #include "./dither.glsl"
+#include "./light_probes.glsl"
+#include "./skylines.glsl"
 
 // Depth at a point; unfiltered, as there is none between a roof and the sky.
 float depthAt(vec2 ndc) { return texelFetch(samplerLit, pixelAt(ndc * 0.5 + 0.5), 0).a; }
@@ -91,14 +99,15 @@ vec3 traceScreenSpace(vec3 position, vec3 ray, vec3 normal, float inStep) {
 }
 
 // Radiance that a level mirror reflects: from the image if the ray hits something in it, else from
-// the sky. A rough one smears it vertically, as wet asphalt does. `jitter` in [0, 1) moves the samples.
+// what surrounds it. A rough one smears it vertically, as wet asphalt does. `jitter` in [0, 1) moves the samples.
 vec3 mirrorRadiance(vec3 position, vec3 ray, vec3 normal, float alpha, float distance, float jitter) {
   const int TAPS = 5;
   vec3 mirror = reflect(ray, normal);
   if (mirror.z <= 0.0) return airlight(mirror).rgb;
-  vec3 background = skyLobe(mirror, alpha);
+  ProbeLight probe = probeLight(position, normal);
+  vec3 middle = lobeMiddle(ray, normal, alpha), surroundings = surroundingRadiance(probe, middle);
   vec3 found = traceScreenSpace(position, mirror, normal, 1.0 - jitter);
-  if (found.z == 0.0) return background;
+  if (found.z == 0.0) return widenLobe(probe, middle, alpha, surroundings);
   float distancePerDepth;
   rayThrough(found.xy, distancePerDepth);
   float beyond = max(depthAt(found.xy * 2.0 - 1.0) * distancePerDepth, distance) - distance;
@@ -110,9 +119,10 @@ vec3 mirrorRadiance(vec3 position, vec3 ray, vec3 normal, float alpha, float dis
     place = clamp(place, vec2(0.5), vec2(pixelCount()) - 0.5);
     sum += textureLod(samplerLit, place / vec2(sampleCount()), 0.0).rgb;
   }
-  // Fades to the sky towards the edges of the image, beyond which nothing is known.
+  // Fades to the surroundings towards the edges of the image.
   vec2 edge = smoothstep(vec2(0.0), vec2(0.05), 0.5 - abs(found.xy - 0.5));
-  return mix(background, applyAir(sum / float(TAPS), mirror, beyond), edge.x * edge.y);
+  vec3 seen = applyAir(sum / float(TAPS), mirror, beyond);
+  return widenLobe(probe, middle, alpha, mix(surroundings, seen, edge.x * edge.y));
 }
 
 // Correction of the sky's light in `samplerLit`: the ambient occlusion of the dithered pixels of the
@@ -154,12 +164,12 @@ vec4 deflectedTexel(ivec2 texel) {
   return sum;
 }
 
-// Radiance through a pane of a normal, with what it mirrors of sky and sun.
-vec3 paneRadiance(vec3 behind, vec3 normal, vec3 ray) {
+// Radiance through a pane at a position, with what it mirrors of its surroundings and the sun.
+vec3 paneRadiance(vec3 behind, vec3 position, vec3 normal, vec3 ray) {
   float reflectance = paneReflectance(dot(ray, normal));
   Surface pane = paneSurface(normal);
   return behind * (GLASS_TRANSMITTANCE * (1.0 - reflectance))
-      + reflectance * skyLobe(reflect(ray, normal), pane.alpha)
+      + reflectance * mirroredLobe(probeLight(position, normal), lobeMiddle(ray, normal, pane.alpha), pane.alpha)
       + specularLobe(pane, -ray, sunDirection()) * sunIrradiance();
 }
 
@@ -212,9 +222,10 @@ void main() {
   vec4 pane = texelFetch(samplerPane, texel, 0);
   float height = sqrt(max(1.0 - dot(pane.xy, pane.xy), 0.0));
   vec3 paneNormal = vec3(pane.xy, pane.z < 0.0 ? -height : height);
+  vec3 panePosition = eye + ray * abs(pane.z) * distancePerDepth;
   if (depth <= 0.0) {
     outSeen = pane.z == 0.0 ? vec4(lit.rgb, 0.0)
-        : vec4(paneRadiance(lit.rgb, paneNormal, ray), abs(pane.z));
+        : vec4(paneRadiance(lit.rgb, panePosition, paneNormal, ray), abs(pane.z));
     return;
   }
   vec3 radiance = lit.rgb;
@@ -236,6 +247,6 @@ void main() {
     float emission = texelFetch(samplerDepthEmission, texel, 0).y;
     if (emission > 0.0) radiance += emission * texelFetch(samplerColour, texel, 0).rgb;
   }
-  if (pane.z != 0.0) radiance = paneRadiance(radiance, paneNormal, ray);
+  if (pane.z != 0.0) radiance = paneRadiance(radiance, panePosition, paneNormal, ray);
   outSeen = vec4(applyAir(radiance, ray, distance), pane.z != 0.0 ? abs(pane.z) : depth);
 }

@@ -17,8 +17,10 @@ layout(set = 2, binding = 9) uniform sampler2D samplerProbeFirst;
 layout(set = 2, binding = 10) uniform sampler2D samplerProbeSecond;
 layout(set = 2, binding = 11) uniform sampler2D samplerContact;
 layout(set = 2, binding = 12) uniform sampler2D samplerRelief;
-
 layout(set = 2, binding = 13) uniform sampler2D samplerLampReach;
+layout(set = 2, binding = 14) uniform sampler2D samplerAirlight;
+layout(set = 2, binding = 15) uniform sampler2D samplerSkylineLight;
+layout(set = 2, binding = 16) uniform sampler2D samplerSkylineNearness;
 
 // Radiance of surfaces, without the air before them, and depth.
 layout(location = 0) out vec4 outLit;
@@ -31,6 +33,7 @@ layout(location = 2) out vec4 outAmbient;
 #include "../shader_constants.glsl"
 #include "../shader_table.glsl"
 #include "../atmosphere.glsl"
+#include "../airlight.glsl"
 #include "../surface.glsl"
 #include "../sampling.glsl"
 #include "../texture.glsl"
@@ -44,6 +47,7 @@ layout(location = 2) out vec4 outAmbient;
 #include "./dither.glsl"
 #include "./ambient_occlusion.glsl"
 #include "./light_probes.glsl"
+#include "./skylines.glsl"
 
 // Fraction of the sun that is visible from a point: the mean over a square of 3x3 texels around it in
 // the finest shadow map that has it. Of the 4x4 that it covers, the outer ones count by their part.
@@ -169,8 +173,7 @@ void main() {
   if (s.normal.z > 0.7 && s.alpha < 0.5 && s.coat > 0.0 && mirrored.g > 0.01) {
     outMirror = vec4(s.normal.xy, mirrored.g * mirrorsSky(position), s.alpha);
   } else if (mirrored.g > 0.0) {
-    vec3 mirror = reflect(ray, s.normal);
-    radiance += mirrored * skyLobe(mirror, s.alpha) * irradianceRatio(probe, mirror);
+    radiance += mirrored * mirroredLobe(probe, lobeMiddle(ray, s.normal, s.alpha), s.alpha);
   }
   outLit = vec4(radiance, depth);
 }

@@ -2,11 +2,15 @@
 // Needs shader_constants.glsl, shader_table.glsl, samplerProbeLight, samplerProbeFirst,
 // samplerProbeSecond and samplerContact.
 
-// Texel of a level's map; levels lie above each other in the texture.
-vec4 probeTexel(sampler2D probes, vec2 at, int level) {
-  float rows = float(textureSize(probes, 0).y / PROBE_LEVELS);
-  float row = clamp(at.y * rows, 0.5, rows - 0.5) + float(level) * rows;
-  return textureLod(probes, vec2(at.x, row / (rows * float(PROBE_LEVELS))), 0.0);
+// Texel of one of several maps, which lie above each other in a texture.
+vec4 probeTexel(sampler2D probes, vec2 at, int number, int count) {
+  float rows = float(textureSize(probes, 0).y / count);
+  float row = clamp(at.y * rows, 0.5, rows - 0.5) + float(number) * rows;
+  return textureLod(probes, vec2(at.x, row / (rows * float(count))), 0.0);
+}
+
+vec4 texelOfLevel(sampler2D probes, vec2 at, int level) {
+  return probeTexel(probes, at, level, PROBE_LEVELS);
 }
 
 // Fraction of the sky's light that things on the ground leave to a point at a height above it.
@@ -22,7 +26,7 @@ float mirrorsSky(vec3 position) {
   vec4 map = probeMapExtent();
   vec2 at = (position.xy - map.xy) * map.zw;
   if (any(lessThan(at, vec2(0.0))) || any(greaterThan(at, vec2(1.0)))) return 1.0;
-  float height = position.z - probeTexel(samplerProbeLight, at, 0).a;
+  float height = position.z - texelOfLevel(samplerProbeLight, at, 0).a;
   return smoothstep(UNDER, OUTSIDE, contactRatio(at, height));
 }
 
@@ -32,6 +36,8 @@ struct ProbeLight {
   mat2x4 shape;    // moments that depend on direction, relative to that mean
   float contact;   // fraction that things on the ground leave
   float fraction;  // how much of all this counts: none beyond the map's edges
+  vec2 at;         // place on the map
+  float height;    // above the ground, metres
 };
 
 // Light before a surface of normal n, so that probes behind it count little.
@@ -40,21 +46,21 @@ ProbeLight probeLight(vec3 position, vec3 n) {
   vec4 map = probeMapExtent();
   vec2 at = (position.xy + PROBE_AWAY * n.xy - map.xy) * map.zw;
   vec2 inside = smoothstep(vec2(0.0), vec2(FADE), 0.5 - abs(at - 0.5));
-  if (inside.x * inside.y <= 0.0) return ProbeLight(vec3(1.0), mat2x4(0.0), 1.0, 0.0);
-  vec4 low = probeTexel(samplerProbeLight, at, 0);
+  if (inside.x * inside.y <= 0.0) return ProbeLight(vec3(1.0), mat2x4(0.0), 1.0, 0.0, at, 0.0);
+  vec4 low = texelOfLevel(samplerProbeLight, at, 0);
   float height = position.z - low.a;
   int level = 0;
   while (level < PROBE_LEVELS - 2 && height > PROBE_HEIGHTS[level + 1]) ++level;
   float part = clamp((height - PROBE_HEIGHTS[level])
       / (PROBE_HEIGHTS[level + 1] - PROBE_HEIGHTS[level]), 0.0, 1.0);
-  vec3 light = mix(probeTexel(samplerProbeLight, at, level).rgb,
-      probeTexel(samplerProbeLight, at, level + 1).rgb, part);
-  mat2x4 shape = mat2x4(mix(probeTexel(samplerProbeFirst, at, level),
-      probeTexel(samplerProbeFirst, at, level + 1), part),
-      mix(probeTexel(samplerProbeSecond, at, level),
-      probeTexel(samplerProbeSecond, at, level + 1), part));
+  vec3 light = mix(texelOfLevel(samplerProbeLight, at, level).rgb,
+      texelOfLevel(samplerProbeLight, at, level + 1).rgb, part);
+  mat2x4 shape = mat2x4(mix(texelOfLevel(samplerProbeFirst, at, level),
+      texelOfLevel(samplerProbeFirst, at, level + 1), part),
+      mix(texelOfLevel(samplerProbeSecond, at, level),
+      texelOfLevel(samplerProbeSecond, at, level + 1), part));
   float contact = contactRatio((position.xy - map.xy) * map.zw, height);
-  return ProbeLight(light, shape, contact, inside.x * inside.y);
+  return ProbeLight(light, shape, contact, inside.x * inside.y, at, height);
 }
 
 // Irradiance on a surface of normal n by light of a shape, relative to the mean over all normals.

@@ -1,4 +1,4 @@
-// Rays of the camera, and the sky as mirrors show it; needs the camera's buffer, atmosphere.glsl.
+// Rays of the camera; needs the camera's buffer.
 
 // Unit ray through a point of the image, and the ratio of distance to depth along it.
 vec3 rayThrough(vec2 uv, out float distancePerDepth) {
@@ -6,9 +6,4 @@ vec3 rayThrough(vec2 uv, out float distancePerDepth) {
   vec3 seen = target.xyz / -target.z;
   distancePerDepth = length(seen);
   return mat3(cameraBuffer.viewMatrixInverse) * (seen / distancePerDepth);
-}
-
-// Radiance of the sky in a mirror whose lobe has the width `alpha`: between sky and mean.
-vec3 skyLobe(vec3 ray, float alpha) {
-  return mix(sky(ray), skyIrradiance(ray) / PI, sqrt(alpha));
 }
