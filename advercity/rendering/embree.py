@@ -16,6 +16,7 @@ from typing import Any
 
 import embreex.rtcore_scene as embreex_scene
 import numpy as np
+from numpy.lib.array_utils import byte_bounds
 from numpy.typing import NDArray
 
 from advercity.errors import RunError
@@ -34,8 +35,9 @@ _LOW_QUALITY, _REFIT_QUALITY = 0, 3
 _RAYS_PER_PACKET, _FIELDS_PER_RAY = 16, 21
 """Layout of RTCRayHit16: rays per packet, and 4-byte fields per ray."""
 _ORIGIN, _DIRECTION, _NORMAL, _HIT = slice(0, 3), slice(4, 7), slice(12, 15), slice(17, 20)
-_TIME, _FAR, _MASK, _PRIMITIVE_ID, _INSTANCE_ID = 7, 8, 9, 17, 19
-_ALIGNMENT_BYTES = 64
+_TIME, _FAR, _MASK, _PRIMITIVE_ID, _GEOMETRY_ID, _INSTANCE_ID = 7, 8, 9, 17, 18, 19
+_ALIGNMENT_BYTES, _READ_BYTES = 64, 16
+"""Alignment of packets, and what Embree reads at a time."""
 _PACKETS_PER_BATCH = 512
 """Packets that are filled, cast and read at a time: as many as fit a core's cache."""
 
@@ -60,26 +62,39 @@ class EmbreeHits:
 class EmbreeMesh:
     """The triangles of some meshes in sequence, in their own frame, ready for instances.
 
+    Attributes:
+        first_triangles: Row of the first triangle of each of Embree's geometries.
+
     Args:
         meshes: The meshes.
         is_posed: Its vertices will be moved.
+        is_shared: Embree reads the arrays of the meshes, which must not change, instead of copies.
+            Then each mesh is a geometry, while otherwise all are one.
     """
 
-    def __init__(self, meshes: Sequence[Mesh], *, is_posed: bool = False) -> None:
-        starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-        triangles = [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
-        embree, geometry = _load_embree(), _new_geometry(_GEOMETRY_TRIANGLE)
-        # The empty first item lets a scene without meshes concatenate.
-        vertices = [np.zeros((0, 3), np.float32), *(mesh.vertices for mesh in meshes)]
-        _copy_buffer(geometry, _BUFFER_VERTEX, _FLOAT3, np.concatenate(vertices, dtype=np.float32))
-        corners = np.concatenate([np.zeros((0, 3), np.int32), *triangles]).astype(np.uint32)
-        _copy_buffer(geometry, _BUFFER_INDEX, _UINT3, corners)
-        self.scene, self._geometry = _new_scene(self, is_dynamic=is_posed), geometry
-        if is_posed:
-            # A scene of any other quality builds its tree anew.
-            embree.rtcSetSceneBuildQuality(self.scene, _LOW_QUALITY)
-            embree.rtcSetGeometryBuildQuality(geometry, _REFIT_QUALITY)
-        _attach(self.scene, geometry)
+    def __init__(
+        self, meshes: Sequence[Mesh], *, is_posed: bool = False, is_shared: bool = False
+    ) -> None:
+        embree, self.scene = _load_embree(), _new_scene(self, is_dynamic=is_posed)
+        self._shared_meshes = meshes if is_shared else ()
+        surfaces = [
+            (
+                mesh.vertices.astype(np.float32, copy=False),
+                mesh.triangles.astype(np.int32, copy=False),
+            )
+            for mesh in self._shared_meshes
+        ]
+        for vertices, triangles in surfaces or [_join_triangles(meshes)]:
+            self._geometry = _new_geometry(_GEOMETRY_TRIANGLE)
+            _set_buffer(self._geometry, _BUFFER_VERTEX, _FLOAT3, vertices)
+            _set_buffer(self._geometry, _BUFFER_INDEX, _UINT3, triangles)
+            if is_posed:
+                # A scene of any other quality builds its tree anew.
+                embree.rtcSetSceneBuildQuality(self.scene, _LOW_QUALITY)
+                embree.rtcSetGeometryBuildQuality(self._geometry, _REFIT_QUALITY)
+            _attach(self.scene, self._geometry)
+        counts = [len(triangles) for _, triangles in surfaces]
+        self.first_triangles = np.cumsum([0, *counts[:-1]]).tolist()
         embree.rtcCommitScene(self.scene)
         _raise_on_error()
 
@@ -117,6 +132,11 @@ class EmbreeScene:
         self._scene = _new_scene(self)
         self._hidden: frozenset[int] = frozenset()
         self._packets = _RayPackets()
+        shared = [mesh for mesh in meshes if len(mesh.first_triangles) > 1]
+        assert len(shared) <= 1, "no geometry but the first is looked up by its mesh"
+        # A miss has -1 for the geometry, which stands for the last row.
+        starts = shared[0].first_triangles if shared else [0]
+        self._first_triangles = np.array([*starts, 0], np.int32)
         for row, mesh in enumerate(meshes):
             geometry = _new_geometry(_GEOMETRY_INSTANCE)
             _load_embree().rtcSetGeometryInstancedScene(geometry, mesh.scene)
@@ -184,9 +204,11 @@ class EmbreeScene:
             floats[:, :, _NORMAL] = 0.0
             integers[:, :, _HIT] = -1
             self._packets.cast(self._scene, blocks * rings)
+            triangle = self._first_triangles.take(integers[:, :, _GEOMETRY_ID], mode="wrap")
+            triangle += integers[:, :, _PRIMITIVE_ID]
             for target, field in (
                 (hits.instance, integers[:, :, _INSTANCE_ID]),
-                (hits.triangle, integers[:, :, _PRIMITIVE_ID]),
+                (hits.triangle, triangle),
                 (hits.range_m, floats[:, :, _FAR]),
                 *zip(hits.normal.T, np.moveaxis(floats[:, :, _NORMAL], 2, 0), strict=True),
             ):
@@ -271,6 +293,11 @@ def _load_embree() -> Any:
         ("rtcGetGeometryBufferData", c_void_p, c_void_p, c_uint, c_uint),
         ("rtcUpdateGeometryBuffer", None, c_void_p, c_uint, c_uint),
         (
+            "rtcSetSharedGeometryBuffer",
+            *(None, c_void_p, c_uint, c_uint, c_uint),
+            *(c_void_p, c_size_t, c_size_t, c_size_t),
+        ),
+        (
             "rtcSetNewGeometryBuffer",
             c_void_p,
             *(c_void_p, c_uint, c_uint, c_uint, c_size_t, c_size_t),
@@ -312,6 +339,34 @@ def _attach(scene: int, geometry: int) -> None:
     embree.rtcCommitGeometry(geometry)
     embree.rtcAttachGeometry(scene, geometry)
     embree.rtcReleaseGeometry(geometry)
+
+
+def _join_triangles(meshes: Sequence[Mesh]) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Join the vertices (n, 3) and the triangles (m, 3) of some meshes."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)], dtype=np.int32)
+    triangles = [mesh.triangles + start for mesh, start in zip(meshes, starts, strict=False)]
+    # The empty first item lets no meshes concatenate.
+    vertices = [np.zeros((0, 3), np.float32), *(mesh.vertices for mesh in meshes)]
+    joined = np.concatenate([np.zeros((0, 3), np.int32), *triangles], dtype=np.int32)
+    return np.concatenate(vertices, dtype=np.float32), joined
+
+
+def _set_buffer(geometry: int, kind: int, form: int, rows: NDArray[Any]) -> None:
+    """Let a geometry read rows (n, 3) of 4-byte numbers where they are, or else a copy of them.
+
+    Embree may read beyond the last row: they must be followed by others of the same array.
+    """
+    whole = rows.base
+    if not (
+        isinstance(whole, np.ndarray)
+        and rows.flags.c_contiguous
+        and byte_bounds(rows)[1] + _READ_BYTES <= byte_bounds(whole)[1]
+    ):
+        _copy_buffer(geometry, kind, form, np.ascontiguousarray(rows))
+        return
+    _load_embree().rtcSetSharedGeometryBuffer(
+        geometry, kind, 0, form, rows.ctypes.data, 0, rows.strides[0], len(rows)
+    )
 
 
 def _copy_buffer(geometry: int, kind: int, form: int, rows: NDArray[Any]) -> None:

@@ -92,7 +92,7 @@ class Raycaster:
     def __init__(self, world: World) -> None:
         self._bodies = world.bodies
         self._triangles = _TriangleTable()
-        self._world = self._register_meshes(world.static)
+        self._world = self._register_meshes(world.static, is_shared=True)
         self._rigid: dict[BodyShape, _RegisteredMesh] = {}
         self._posed: dict[BodyShape, _RegisteredMesh] = {}
         self._frames: tuple[Frame | None, Frame | None] = (None, None)
@@ -205,10 +205,10 @@ class Raycaster:
         return self._register_meshes(rest.build_meshes(self._bodies), is_posed=True)
 
     def _register_meshes(
-        self, meshes: Sequence[Mesh], *, is_posed: bool = False
+        self, meshes: Sequence[Mesh], *, is_posed: bool = False, is_shared: bool = False
     ) -> "_RegisteredMesh":
         num_triangles = sum(len(mesh.triangles) for mesh in meshes)
-        mesh = EmbreeMesh(meshes, is_posed=is_posed)
+        mesh = EmbreeMesh(meshes, is_posed=is_posed, is_shared=is_shared)
         return _RegisteredMesh(mesh, self._triangles.add(meshes), num_triangles)
 
 

@@ -10,6 +10,7 @@ from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import invert_pose, pose_matrix, rotation_matrix, transform_points
+from advercity.randomness import create_generator
 from advercity.rendering.embree import EmbreeMesh
 from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster, RayHits, Rays
 from advercity.semantics import Semantic
@@ -60,6 +61,25 @@ def test_a_ray_reports_what_it_hit() -> None:
     assert MATERIAL_NAMES[hits.material[0]] == "concrete"
     assert hits.semantic[0] == Semantic.BUILDING
     assert hits.instance[0] == 0
+
+
+def test_meshes_that_are_parts_of_one_array_return_the_same_hits() -> None:
+    meshes = (GROUND, WALL, box((1, 40, 10), (-20.5, 0, 5), "bark", Semantic.VEGETATION))
+    vertices, triangles = (
+        np.split(np.concatenate(rows), np.cumsum([len(row) for row in rows])[:-1])
+        for rows in ([mesh.vertices for mesh in meshes], [mesh.triangles for mesh in meshes])
+    )
+    parts = [
+        replace(mesh, vertices=points, triangles=corners)
+        for mesh, points, corners in zip(meshes, vertices, triangles, strict=True)
+    ]
+    directions = create_generator("rays").normal(size=(200, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    around = rays(np.tile([0.0, 0.0, 2.0], (200, 1)), directions)
+    apart, joined = (caster(*each).cast(around, 100.0) for each in (meshes, parts))
+    assert set(np.unique(apart.semantic)) == {0, *(mesh.semantic for mesh in meshes)}
+    for item in fields(RayHits):
+        np.testing.assert_array_equal(getattr(joined, item.name), getattr(apart, item.name))
 
 
 def test_the_normal_faces_the_ray_and_the_cosine_is_of_its_angle() -> None:
