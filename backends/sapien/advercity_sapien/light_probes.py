@@ -26,9 +26,11 @@ from advercity.materials import MATERIALS, TRANSMITTED_BY_LEAVES, Texture
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.photometry import cubemap_directions, cubemap_solid_angles, luminance
 from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster, RayHits, Rays
+from advercity.rendering.surface_weather import compute_surface_weather
 from advercity.world import World
 from advercity_sapien.probe_grid import LEVEL_HEIGHTS_M, RAY_OFFSET_M, ProbeGrid, place_grid
 from advercity_sapien.skylines import NO_SKYLINES, SKYLINE_LEVEL, Skylines, bake_skylines
+from advercity_sapien.weathered_albedo import WeatheredAlbedo
 
 AWAY_M = 1.0
 """How far before a surface its light is looked up, so that probes behind it count little."""
@@ -45,7 +47,6 @@ MOMENTS = 11
 polynomials of `_evaluate_polynomials`."""
 IRRADIANCE_FACTORS = np.array([2.0] * 3 + [5.0 / 16.0] + [15.0 / 4.0] * 3 + [15.0 / 16.0])
 """Factors of the last moments, relative to the integral, on irradiance relative to its mean."""
-_ALBEDO = np.array([MATERIALS[name].albedo for name in MATERIAL_NAMES])
 _IS_LEAF = np.array([MATERIALS[name].texture is Texture.LEAVES for name in MATERIAL_NAMES])
 
 
@@ -110,7 +111,7 @@ def bake_light_probes(world: World, atmosphere: Atmosphere) -> LightProbes:
         lux = _compute_sunlight(raycaster, atmosphere, points, hits)
         source = grid.find_nearest(points + AWAY_M * hits.normal)
         lux += compute_irradiance(sources[source], hits.normal.astype(np.float64))
-        return _ALBEDO[hits.material] / np.pi * lux
+        return around.albedo.look_up(hits.material, hits.normal[:, 2]) / np.pi * lux
 
     light = np.empty((*found.shape[:3], 4), np.float32)
     light[..., :3] = found[..., :3] / in_the_open[:3]
@@ -161,12 +162,14 @@ class _Surroundings:
 
     Attributes:
         atmosphere: What all of it is of.
+        albedo: Of surfaces as the weather leaves them.
         directions: (DIRECTION_COUNT, TURNS, 3) unit vectors.
         sky: (DIRECTION_COUNT, TURNS, 3) radiance of the sky and the open ground around each, cd/m².
         airlight: (DIRECTION_COUNT, TURNS, 4) as `Atmosphere` has it.
     """
 
     atmosphere: Atmosphere
+    albedo: WeatheredAlbedo
     directions: Float64Array
     sky: Float64Array
     airlight: Float64Array
@@ -182,7 +185,8 @@ class _Surroundings:
             np.stack([_average_around(directions, faces) for directions in turned], axis=1)
             for faces in (atmosphere.sky, atmosphere.airlight)
         )
-        return cls(atmosphere, np.stack(turned, axis=1), sky, airlight)
+        albedo = WeatheredAlbedo(compute_surface_weather(atmosphere))
+        return cls(atmosphere, albedo, np.stack(turned, axis=1), sky, airlight)
 
     def compute_moments(self) -> Float64Array:
         """Compute the moments (MOMENTS,) of light in the open."""
@@ -261,7 +265,8 @@ def _gather_light(
         by_sun = _compute_sunlight(raycaster, around.atmosphere, points, seen)
         radiance = around.sky[number, turns]
         opacity = 1.0 - left + air[:, 3:] * (1.0 - left * (1.0 + depth))
-        radiance[receiver] = _ALBEDO[seen.material] / np.pi * by_sun * left + opacity * air[:, :3]
+        albedo = around.albedo.look_up(seen.material, seen.normal[:, 2])
+        radiance[receiver] = albedo / np.pi * by_sun * left + opacity * air[:, :3]
         moments += _compute_moments(radiance, directions)
         sees_sky |= ~is_hit & (directions[:, 2] > 0.0)
         found.append(
@@ -299,6 +304,7 @@ def _add_reflections(
     moments, sources, turns = level.moments.copy(), found.reshape(-1, MOMENTS), grid.turns
     for hits, directions in zip(level.hits, around.directions, strict=True):
         lux = compute_irradiance(sources[hits.source], hits.normal.astype(np.float64))
-        radiance = _ALBEDO[hits.material] / np.pi * lux * hits.transmittance[:, None]
+        albedo = around.albedo.look_up(hits.material, hits.normal[:, 2])
+        radiance = albedo / np.pi * lux * hits.transmittance[:, None]
         moments[hits.receiver] += _compute_moments(radiance, directions[turns[hits.receiver]])
     return moments

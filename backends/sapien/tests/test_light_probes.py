@@ -100,11 +100,12 @@ def test_a_wall_has_the_sky_above_the_house_across_the_street() -> None:
 
 
 def test_walls_of_a_street_have_the_light_that_traced_paths_find() -> None:
-    """A Monte Carlo follows paths to their end under an overcast sky.
+    """A Monte Carlo follows paths to their end under an overcast sky, between dry surfaces.
 
     In a street surfaces reflect less than in the open, and light that is reflected again counts.
     """
-    air = compute_atmosphere(find_weather("soft_rain_day").declaration, "urban")
+    overcast = compute_atmosphere(find_weather("soft_rain_day").declaration, "urban")
+    air = replace(overcast, wetness=0.0, puddle_coverage=0.0)
     world, north = place(*build_street("plaster")), np.array([0.0, 1.0, 0.0])
     probes, in_the_open = bake_light_probes(world, air), compute_open_irradiance(air, north)
     found: list[float] = []
