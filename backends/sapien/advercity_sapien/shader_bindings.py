@@ -5,6 +5,7 @@ import sapien
 
 from advercity.errors import BackendError
 from advercity.geometry.arrays import Float32Array
+from advercity_sapien.shader_constants import SKY_M
 from advercity_sapien.shader_table import (
     BODY_STATE_ROWS,
     CARRIED_TEXTURES,
@@ -17,8 +18,6 @@ from advercity_sapien.shader_table import (
 
 RenderBody = sapien.render.RenderBodyComponent
 TABLE = SCENE_TEXTURES[0]
-CARRIER_POSE = sapien.Pose([0.0, 0.0, -2e4])
-"""Where the body that carries the textures is out of sight."""
 
 
 class RasterBindings:
@@ -65,6 +64,9 @@ class RayTracedBindings:
 
     SAPIEN's ray-tracing packs see no textures of cameras and no properties of bodies. The shaders
     look for geometry instance 0, so this must be made before any other body of the scene.
+
+    That object is a box around all others: rays that hit nothing else hit it, and show the sky.
+    Shaders for misses would see no textures.
     """
 
     def __init__(self, scene: sapien.Scene, maps: SceneTexels) -> None:
@@ -82,10 +84,9 @@ class RayTracedBindings:
             slot = "base_color" if item.material_slot == "diffuse" else item.material_slot
             setattr(material, f"{slot}_texture", self._textures[item.name])
         carrier = sapien.render.RenderBodyComponent()
-        carrier.attach(sapien.render.RenderShapeBox([0.01, 0.01, 0.01], material))
+        carrier.attach(sapien.render.RenderShapeBox([SKY_M] * 3, material))
         entity = sapien.Entity()
         entity.add_component(carrier)
-        entity.set_pose(CARRIER_POSE)
         scene.add_entity(entity)
 
     def attach_to_camera(self, camera: sapien.render.RenderCameraComponent) -> None:

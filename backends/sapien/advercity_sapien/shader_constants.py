@@ -72,6 +72,8 @@ from advercity_sapien.skylines import AZIMUTHS, NEAREST_M, SKYLINE_LEVEL
 SHADER_FOLDER = Path(__file__).parent / "shaders"
 NEAR_M, FAR_M = 0.1, 3000.0
 """Depths between which cameras see."""
+SKY_M = 4.0 * FAR_M
+"""Half the width of the box that rays see the sky on, beyond all that cameras and shadows reach."""
 FIRST_SIGNAL_BIT = 64
 """Bit of a red signal among a body's lit lamps, then yellow and green; `Lamp` has those below."""
 LIGHT_RATIO_BIT, LIGHT_RATIO_STEPS = 10, 64
@@ -127,6 +129,7 @@ def _format_constants() -> Iterator[str]:
         for name, value in {
             "PI": _float(np.pi, 15),
             "FAR_M": _float(FAR_M),
+            "SKY_M": _float(SKY_M),
             "NO_WATER_LEVEL": _float(NO_WATER_LEVEL),
             "NO_ANGLE_LIMIT": _float(NO_ANGLE_LIMIT),
             "MIRROR_HALF_ANGLE_SINE": _float(np.sin(MIRROR_HALF_ANGLE_RAD), 3),

@@ -47,6 +47,7 @@ const int LIGHT_RATIO_BIT = 10;
 const int LIGHT_RATIO_STEPS = 64;
 const float PI = 3.14159265358979;
 const float FAR_M = 3000.0;
+const float SKY_M = 12000.0;
 const float NO_WATER_LEVEL = -1.0;
 const float NO_ANGLE_LIMIT = -2.0;
 const float MIRROR_HALF_ANGLE_SINE = 0.156;

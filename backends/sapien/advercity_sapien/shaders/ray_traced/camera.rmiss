@@ -1,14 +1,12 @@
 #version 460
 #extension GL_EXT_ray_tracing : require
 
-#include "../whole_numbers.glsl"
-#include "../shader_constants.glsl"
-#include "../sampling.glsl"
-#include "../map_plane.glsl"
-#include "./ray_hit.glsl"
+#include "./path.glsl"
 
-layout(location = 0) rayPayloadInEXT RayHit hit;
+layout(location = 0) rayPayloadInEXT Path path;
 
+// The box of the sky is around everything, so only a ray from outside of it comes here.
 void main() {
-  hit.distance = -1.0;
+  path.hasEnded = true;
+  path.isDeflected = false;
 }
