@@ -275,7 +275,7 @@ MATERIALS: dict[str, Material] = {
         maps="paving",
     ),
     "kerb": Material(
-        (0.42, 0.41, 0.39), 0.35, CONCRETE_77GHZ, CONCRETE_LWIR, texture=Texture.STONE, maps="kerb"
+        (0.33, 0.325, 0.31), 0.35, CONCRETE_77GHZ, CONCRETE_LWIR, texture=Texture.STONE, maps="kerb"
     ),
     "gravel": Material(
         (0.28, 0.26, 0.23), 0.30, SOIL_77GHZ, SOIL_LWIR, texture=Texture.STONE, maps="gravel"
