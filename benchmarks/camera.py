@@ -10,24 +10,15 @@ weathers.
 import argparse
 import math
 import statistics
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
-import sapien
 from advercity_dsl import Shutter
-from advercity_sapien.backend import find_vulkan_device
-from advercity_sapien.culling import SunShadow
-from advercity_sapien.sapien_scene import SapienScene
-from advercity_sapien.shader_bindings import RasterBindings
-from advercity_sapien.shader_constants import FAR_M, NEAR_M
-from advercity_sapien.shader_table import ShaderTable
 from benchmark_scene import BenchmarkScene
 from measurement import Measurement, measure_run_time
-from numpy.typing import NDArray
+from stock_renderer import StockRenderer
 
 from advercity.compiler import find_weather, with_weather
-from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
+from advercity.physics.atmosphere import compute_atmosphere
 from advercity.pipeline.sensing import build_camera_view
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraView, RenderProfile, load_backend
@@ -36,7 +27,6 @@ from advercity.sensors.camera import CameraConditions, CameraExposure, render_im
 from advercity.sensors.camera.moments import list_moments
 
 SPEC = Path("compiled/ui_clear_day_dense.json")
-SAPIEN_PACKS = Path(sapien.__file__).parent / "vulkan_shader"
 WIDTH_PX, FRAME, WARM_UP = 480, 40, 2
 GOAL = 1.5
 QUICK_WEATHERS = ["fog_day", "heavy_rain_night"]
@@ -45,68 +35,6 @@ WEATHERS = [
     *("clear_night", "soft_rain_night", "heavy_rain_night", "fog_night"),
     *("foggy_heavy_rain_night", "glare_day"),
 ]
-
-
-class NullBindings(RasterBindings):
-    """Bindings for SAPIEN's own packs, which know neither air nor lamps."""
-
-    def __init__(self) -> None:
-        """Make no textures."""
-
-    def attach_to_camera(self, camera: sapien.render.RenderCameraComponent) -> None:
-        """Do nothing."""
-
-    def set_lit_lamps(self, body: sapien.render.RenderBodyComponent, lamp_bits: int) -> None:
-        """Do nothing."""
-
-    def set_hidden(self, body: sapien.render.RenderBodyComponent, *, hidden: bool) -> None:
-        """Do nothing."""
-
-    def set_static_mesh(self, body: sapien.render.RenderBodyComponent, number: int) -> None:
-        """Do nothing."""
-
-    def upload_table(self, table: ShaderTable) -> None:
-        """Do nothing."""
-
-    def upload_contact(self, texels: NDArray[np.uint8]) -> None:
-        """Do nothing."""
-
-
-def build_stock_renderer(
-    scene: BenchmarkScene, air: Atmosphere, views: Sequence[CameraView], pack: str = "default"
-) -> Callable[[], None]:
-    """Load a scene with a pack of SAPIEN's own, and return a function that renders some views.
-
-    They have one size. It fetches as many channels as our renderer does.
-    """
-    device = sapien.Device(find_vulkan_device().sapien_name)
-    stock = sapien.Scene([sapien.render.RenderSystem(device)])
-    bodies = SapienScene(
-        scene.world, stock, NullBindings(), night=air.night, has_distant_pieces=False
-    )
-    # SAPIEN's packs have room for one map of shadows.
-    sun = SunShadow(air, stock, ((60.0, 36.0),))
-    bodies.place_actors(scene.frame)
-    width, height = views[0].width_px, views[0].height_px
-    camera = sapien.render.RenderCameraComponent(width, height, str(SAPIEN_PACKS / pack))
-    entity = sapien.Entity()
-    entity.add_component(camera)
-    stock.add_entity(entity)
-
-    def render() -> None:
-        for view in views:
-            focal_px = width / 2.0 / math.tan(view.horizontal_fov_rad / 2.0)
-            camera.set_perspective_parameters(
-                NEAR_M, FAR_M, focal_px, focal_px, width / 2, height / 2, 0.0
-            )
-            entity.set_pose(sapien.Pose(view.world_from_camera))
-            sun.update(view)
-            stock.update_render()
-            camera.take_picture()
-            for name in ("Color", "Position", "Segmentation", "Normal"):
-                camera.get_picture(name)
-
-    return render
 
 
 def run_benchmark(*, quick: bool) -> list[Measurement]:
@@ -166,10 +94,12 @@ def measure_image(
     velocity = scene.poses.velocity(ego, scene.frame)
     exposure = CameraExposure(view, camera, scene.frame, velocity, lamps)
     conditions = CameraConditions.build(air, authored.lens, "bench")
-    render_stock = build_stock_renderer(scene, air, [view])
-    with load_backend("sapien").open(
-        scene.world, air, RenderProfile("bench", 1.0, "raster")
-    ) as renderer:
+    with (
+        StockRenderer(SPEC, FRAME, [view], weather) as stock,
+        load_backend("sapien").open(
+            scene.world, air, RenderProfile("bench", 1.0, "raster")
+        ) as renderer,
+    ):
         renderer.place(scene.frame)
         capture = renderer.render_camera(view)
 
@@ -177,8 +107,11 @@ def measure_image(
             rng = create_generator("bench")
             render_image(capture, exposure, conditions, rng, mount=camera.mounts[0])
 
-        steps = (render_stock, lambda: renderer.render_camera(view), process)
-        rows = [[measure_run_time(step).cpu_s for step in steps] for _ in range(WARM_UP + rounds)]
+        steps = (lambda: renderer.render_camera(view), process)
+        rows = [
+            [stock.measure().cpu_s, *(measure_run_time(step).cpu_s for step in steps)]
+            for _ in range(WARM_UP + rounds)
+        ]
     stock_s, rendered_s, processed_s = map(statistics.median, zip(*rows[WARM_UP:], strict=True))
     return stock_s, rendered_s, processed_s
 

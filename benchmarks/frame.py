@@ -23,8 +23,8 @@ from pathlib import Path
 from advercity_dsl import Spec
 from advercity_sapien.renderer import SapienRenderer
 from benchmark_scene import BenchmarkScene
-from camera import build_stock_renderer
 from measurement import Measurement, RunTime, Stopwatch, measure_run_time
+from stock_renderer import StockRenderer
 
 from advercity.dataset import cloud_files, image_codec, opv2v, partial_files
 from advercity.dataset import writer as frame_writer
@@ -105,18 +105,18 @@ class StockPeer:
             for agent in self._scene.spec.agents
             for view in self._scene.list_views(agent, profile)
         ]
-        self._render = build_stock_renderer(self._scene, self._scene.air, self._views)
-        self._render()
+        self._stock = StockRenderer(spec_path, 1, self._views)
+        self._stock.measure()
 
     def measure_rounds(
         self, count: int, frames: int
     ) -> tuple[list[FrameTime], list[float], list[float]]:
         """Measure runs, their ratios to SAPIEN's images before and after, and those' seconds."""
         runs: list[FrameTime] = []
-        stock_s = [measure_run_time(self._render).wall_s]
+        stock_s = [self._stock.measure().wall_s]
         for _ in range(count):
             runs.append(measure_frames(self._scene.spec, self._profile, frames))
-            stock_s.append(measure_run_time(self._render).wall_s)
+            stock_s.append(self._stock.measure().wall_s)
         around = zip(runs, stock_s, stock_s[1:], strict=False)
         ratios = [2.0 * run.whole.wall_s / (before + after) for run, before, after in around]
         return runs, ratios, stock_s

@@ -21,8 +21,8 @@ from typing import NamedTuple
 import sapien
 from advercity_sapien.backend import find_vulkan_device
 from benchmark_scene import BenchmarkScene
-from camera import build_stock_renderer
 from measurement import measure_run_time
+from stock_renderer import build_stock_renderer
 
 from advercity.rendering.backend import RENDER_PROFILES, RenderProfile, load_backend
 

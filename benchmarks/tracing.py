@@ -9,6 +9,7 @@ tracer in the same variant and of our SAPIEN pack. Its images are larger, since 
 """
 
 import math
+import statistics
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -20,11 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import sapien
 import trimesh
 from benchmark_scene import BenchmarkScene
-from camera import build_stock_renderer
 from measurement import Measurement, format_table, measure_median_cpu_s
+from stock_renderer import StockRenderer
 
 from advercity.errors import BackendError, InputError
 from advercity.rendering.backend import CameraView, RenderProfile, load_backend
@@ -120,11 +120,10 @@ def measure_own_s(rounds: int) -> float:
 
 def measure_sapien_s(rounds: int) -> float:
     """Measure SAPIEN's image."""
-    sapien.render.set_ray_tracing_samples_per_pixel(TRACED.samples)
-    sapien.render.set_ray_tracing_path_depth(TRACED.path_depth)
-    scene, view = _load_scene(TRACED)
-    render = build_stock_renderer(scene, scene.air, [view], pack="rt")
-    return measure_median_cpu_s(render, rounds, warm_up=1)
+    _, view = _load_scene(TRACED)
+    with StockRenderer(SPEC, FRAME, [view], traced=TRACED) as stock:
+        times_s = [stock.measure().cpu_s for _ in range(1 + rounds)]
+    return statistics.median(times_s[1:])
 
 
 def measure_mitsuba_s(rounds: int) -> float:

@@ -36,8 +36,6 @@ struct Vertex {
   float x, y, z;
   float nx, ny, nz;
   float u, v;
-  float tx, ty, tz;
-  float bx, by, bz;
 };
 
 struct Object {
