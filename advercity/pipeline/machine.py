@@ -68,8 +68,9 @@ def build_worker_environment(
 ) -> dict[str, str]:
     """Build the variables of the worker in a slot: one GPU, shared in turn, and threads.
 
-    Mesa's driver has as many as the worker has cores, and none beside as many workers as cores,
-    where they would only take memory. All threads have one heap: they allocate little.
+    Mesa's driver has as many threads as the worker has cores. Where there are as many workers as
+    cores it has none, which would only take memory. All threads have one heap: they allocate
+    little.
     """
     threads = cores_per_worker if cores_per_worker > 1 else 0
     environment = {DRIVER_THREADS_VARIABLE: str(threads), HEAPS_VARIABLE: "1"}

@@ -235,10 +235,10 @@ def _leaf_tones(p: Any, size: float, footprint: Any, salt: int) -> Any:
         other = dr.select(is_nearest, nearest, dr.select(is_next, at, other))
         other_away = dr.select(is_nearest, away, dr.select(is_next, own, other_away))
         nearest, away = dr.select(is_nearest, at, nearest), dr.select(is_nearest, own, away)
-    tone, beside = (hash_cell(i.x, i.y, i.z * 64 + salt + 1) for i in (nearest, other))
-    share = 0.5 + (other_away - away) * size / dr.maximum(2.0 * footprint, 1e-6)
+    tone, other_tone = (hash_cell(i.x, i.y, i.z * 64 + salt + 1) for i in (nearest, other))
+    weight = 0.5 + (other_away - away) * size / dr.maximum(2.0 * footprint, 1e-6)
     return retained_contrast(2.0 * size, footprint) * dr.lerp(
-        beside, tone, dr.clip(share, 0.5, 1.0)
+        other_tone, tone, dr.clip(weight, 0.5, 1.0)
     )
 
 

@@ -63,8 +63,8 @@ float leafTones(vec3 p, float size, float footprint, int salt) {
   }
   float own = hashUnit(ivec3(nearest.xy, nearest.z * 64 + salt + 1));
   float other = hashUnit(ivec3(next.xy, next.z * 64 + salt + 1));
-  float share = clamp(0.5 + (nextAway - nearestAway) * size / max(2.0 * footprint, 1e-6), 0.5, 1.0);
-  return fraction * mix(other, own, share);
+  float weight = clamp(0.5 + (nextAway - nearestAway) * size / max(2.0 * footprint, 1e-6), 0.5, 1.0);
+  return fraction * mix(other, own, weight);
 }
 
 // Joints of a width between pieces of a size: 1 in them, less the fraction that they cover, so that
