@@ -34,7 +34,7 @@ GRID_MARGIN_M = 60.0
 """Margin of the cells around all lamps and the ends of all beams."""
 MAX_RANGE_M = 300.0
 """Longest distance that a lamp lights."""
-NEGLIGIBLE_FRACTION = 5e-3
+NEGLIGIBLE_FRACTION = 1e-3
 """Fraction of the light that is everywhere which need not be shown."""
 MIN_ILLUMINANCE_LX, MIN_LUMINANCE_CD_M2 = 1e-3, 1e-4
 NEGLIGIBLE_SKY_FRACTION = 0.01
