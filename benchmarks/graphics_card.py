@@ -18,11 +18,10 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
-import sapien
 from advercity_sapien.backend import find_vulkan_device
 from benchmark_scene import BenchmarkScene
-from measurement import measure_run_time
-from stock_renderer import build_stock_renderer
+from measurement import RunTime, measure_run_time
+from stock_renderer import StockRenderer
 
 from advercity.rendering.backend import RENDER_PROFILES, RenderProfile, load_backend
 
@@ -41,10 +40,10 @@ PROFILES = {
 
 
 class Timed(NamedTuple):
-    """Median time of a picture, and a digest of its radiance if it is ours."""
+    """Median time of our picture, and a digest of its radiance."""
 
     time_s: float
-    digest: str = ""
+    digest: str
 
 
 def measure_own(spec: Path, profile: RenderProfile) -> Timed:
@@ -53,36 +52,33 @@ def measure_own(spec: Path, profile: RenderProfile) -> Timed:
     view = scene.list_views(scene.ego, profile)[0]
     with load_backend("sapien").open(scene.world, scene.air, profile) as renderer:
         renderer.place(scene.frame)
-        time_s = measure_median_s(lambda: renderer.render_camera(view))
+        time_s = compute_median_s(lambda: measure_run_time(lambda: renderer.render_camera(view)))
         radiance = renderer.render_camera(view).radiance
     return Timed(time_s, hashlib.sha256(radiance.tobytes()).hexdigest())
 
 
-def measure_stock(spec: Path, profile: RenderProfile) -> Timed:
+def measure_stock(spec: Path, profile: RenderProfile) -> float:
     """Measure SAPIEN's picture of the same bodies."""
-    traced = profile.renderer == "ray_traced"
-    sapien.render.set_ray_tracing_samples_per_pixel(profile.samples)
-    sapien.render.set_ray_tracing_path_depth(profile.path_depth)
     scene = BenchmarkScene(spec, FRAME)
-    view = scene.list_views(scene.ego, profile)[0]
-    pack = "rt" if traced else "default"
-    return Timed(measure_median_s(build_stock_renderer(scene, scene.air, [view], pack)))
+    views = scene.list_views(scene.ego, profile)[:1]
+    traced = profile if profile.renderer == "ray_traced" else None
+    with StockRenderer(spec, FRAME, views, traced=traced) as stock:
+        return compute_median_s(stock.measure)
 
 
-def measure_median_s(work: Callable[[], object]) -> float:
-    """Measure the median time by the clock of calls after a warm-up."""
-    times_s = [measure_run_time(work).wall_s for _ in range(WARM_UP + ROUNDS)]
+def compute_median_s(measure: Callable[[], RunTime]) -> float:
+    """Compute the median time by the clock of rounds after a warm-up."""
+    times_s = [measure().wall_s for _ in range(WARM_UP + ROUNDS)]
     return statistics.median(times_s[WARM_UP:])
 
 
 def compare_pictures(pool: ProcessPoolExecutor, spec: Path) -> Iterator[str]:
     """Measure pictures of a scenario against SAPIEN's, as rows of a table."""
     for name, profile in PROFILES.items():
-        stock, own = (
-            pool.submit(measure, spec, profile).result() for measure in (measure_stock, measure_own)
-        )
-        cells = f"{own.time_s * 1e3:.1f} | {stock.time_s * 1e3:.1f}"
-        yield f"| {spec.stem} | {name} | {cells} | {own.time_s / stock.time_s:.2f} | |"
+        stock_s = measure_stock(spec, profile)
+        own_s = pool.submit(measure_own, spec, profile).result().time_s
+        cells = f"{own_s * 1e3:.1f} | {stock_s * 1e3:.1f} | {own_s / stock_s:.2f}"
+        yield f"| {spec.stem} | {name} | {cells} | |"
 
 
 def measure_again(pool: ProcessPoolExecutor, spec: Path) -> Iterator[str]:

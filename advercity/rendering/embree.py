@@ -134,7 +134,7 @@ class EmbreeScene:
         self._packets = _RayPackets()
         shared = [mesh for mesh in meshes if len(mesh.first_triangles) > 1]
         assert len(shared) <= 1, "no geometry but the first is looked up by its mesh"
-        # A miss has -1 for the geometry, which stands for the last row.
+        # A miss has -1 for the geometry, which looks up the last row.
         starts = shared[0].first_triangles if shared else [0]
         self._first_triangles = np.array([*starts, 0], np.int32)
         for row, mesh in enumerate(meshes):

@@ -11,6 +11,13 @@ RUT_FRACTION = 0.3
 """Fraction of a lane's width that is rut."""
 RIPPLE_SLOPE, RIPPLE_REFERENCE_RAIN_MM_H = 0.06, 50.0
 """Root mean square of the slope of puddles' water in rain of that rate."""
+INDEX_MATCHED_RATIO = 0.85
+"""Albedo of a rough surface whose pores are full of water over that in air, without the water's own
+faces: water matches the index of grains better (Lekner and Dorf 1988)."""
+CLEAN_SNOW, DIRTY_SNOW = (0.86, 0.88, 0.91), (0.55, 0.52, 0.48)
+"""Albedo of snow, and of that in ruts."""
+SNOW_DEPTH_M, SNOW_DEPTH_ON_ROAD_M = 0.002, 0.005
+"""Depth of snow at which all but 1/e of level ground is under it."""
 
 
 @dataclass(frozen=True)

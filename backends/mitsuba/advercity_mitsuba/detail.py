@@ -218,7 +218,7 @@ def _space_noise(p: Any, salt: Any) -> Any:
 def _leaf_tones(p: Any, size: float, footprint: Any, salt: int) -> Any:
     """Evaluate the tone of the leaf that is nearest, of those strewn over a lattice, one in a cell.
 
-    Beside the border to the next, both tones blend within the footprint.
+    At the border to the next, both tones blend within the footprint.
     """
     q = p / size
     cell = dr.floor(q)

@@ -17,7 +17,14 @@ from advercity.rendering.ground_maps import (
     build_shelter_map,
     build_wear_map,
 )
-from advercity.rendering.surface_weather import compute_surface_weather
+from advercity.rendering.surface_weather import (
+    CLEAN_SNOW,
+    DIRTY_SNOW,
+    INDEX_MATCHED_RATIO,
+    SNOW_DEPTH_M,
+    SNOW_DEPTH_ON_ROAD_M,
+    compute_surface_weather,
+)
 from advercity.world import World
 from advercity_mitsuba.noise import hash_cell, retained_contrast, smoothstep, value_noise
 from advercity_mitsuba.reflection import VARNISH_INDEX, Surface
@@ -214,10 +221,10 @@ def _patch_noise(p: Any, footprint: Any) -> tuple[Any, Any]:
 
 def _snow_cover(w: WeatherTables, kind: Any, snowless: Any, p: Any, n: Any, footprint: Any) -> Any:
     """Compute the fraction of a pixel under lying snow; traffic clears ruts of roads."""
-    on_road, elsewhere, sigma, soft = 0.005, 0.002, 0.2, 0.04
+    sigma, soft = 0.2, 0.04
     road = is_road(kind)
     upward = dr.clip((n.z - 0.35) / 0.4, 0.0, 1.0)
-    scale = dr.select(road, mi.Float(on_road), elsewhere)
+    scale = dr.select(road, mi.Float(SNOW_DEPTH_ON_ROAD_M), SNOW_DEPTH_M)
     cover = upward * (1.0 - dr.exp(-w.numbers["snow_depth_m"] / scale)) * _snowfall_fraction(w, p)
     rut = smoothstep(0.1, 0.5, compute_wear(w, p, footprint)[0])
     cleared = dr.lerp(w.numbers["snow_between_ruts"], w.numbers["snow_in_ruts"], rut)
@@ -230,7 +237,7 @@ def _snow_cover(w: WeatherTables, kind: Any, snowless: Any, p: Any, n: Any, foot
 
 
 def _snow_albedo(w: WeatherTables, kind: Any, p: Any, footprint: Any) -> Any:
-    clean, dirty = mi.Color3f(0.86, 0.88, 0.91), mi.Color3f(0.55, 0.52, 0.48)
+    clean, dirty = mi.Color3f(*CLEAN_SNOW), mi.Color3f(*DIRTY_SNOW)
     driven = smoothstep(0.0, 0.5, compute_wear(w, p, footprint)[0])
     return dr.select(is_road(kind), dr.lerp(clean, dirty, driven), clean)
 
@@ -325,7 +332,7 @@ def _wet_surface(
     relief: Any,
     footprint: Any,
 ) -> Surface:
-    index_matched, filmed, still, glazed, glazed_blades = 0.85, 0.15, 0.02, 0.1, 0.3
+    filmed, still, glazed, glazed_blades = 0.15, 0.02, 0.1, 0.3
     outside = water.DIFFUSE_EXTERNAL_REFLECTANCE
     inside = water.DIFFUSE_INTERNAL_REFLECTANCE
     wetness = w.numbers["wetness"]
@@ -334,7 +341,9 @@ def _wet_surface(
     wet = dr.lerp(wetness * porous * facing, 1.0, puddle)
     ice = dr.select(snowless, 0.0, w.numbers["ice_cover"] * facing)
     wet = dr.maximum(wet, ice * porous)
-    soaked = index_matched * (1.0 - outside) * (1.0 - inside) * albedo / (1.0 - albedo * inside)
+    soaked = (
+        INDEX_MATCHED_RATIO * (1.0 - outside) * (1.0 - inside) * albedo / (1.0 - albedo * inside)
+    )
     holds_film = ~_is_one_of(kind, FILMLESS_TEXTURES)
     film = dr.maximum(
         dr.select(holds_film, smoothstep(0.3, 1.0, wet), 0.0),

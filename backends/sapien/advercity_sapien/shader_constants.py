@@ -31,7 +31,14 @@ from advercity.rendering.fog_beams import DROPLET_UM, FOG_BEAM_NODES, grid_corne
 from advercity.rendering.ground_maps import NEUTRAL_WEAR, WEAR_STEPS, WEAR_TONE
 from advercity.rendering.lamp_lenses import LENS_KCD_M2, TAIL_LAMP_KCD_M2, LensKind
 from advercity.rendering.light_sources import FOG_LAMP_HEIGHT_M, LAMP_HEIGHT_M
-from advercity.rendering.surface_weather import NO_WATER_LEVEL
+from advercity.rendering.surface_weather import (
+    CLEAN_SNOW,
+    DIRTY_SNOW,
+    INDEX_MATCHED_RATIO,
+    NO_WATER_LEVEL,
+    SNOW_DEPTH_M,
+    SNOW_DEPTH_ON_ROAD_M,
+)
 from advercity.scene.rooms import (
     BLIND_RATIO,
     BLIND_STEPS,
@@ -133,6 +140,9 @@ def _format_constants() -> Iterator[str]:
             "NO_WATER_LEVEL": _float(NO_WATER_LEVEL),
             "NO_ANGLE_LIMIT": _float(NO_ANGLE_LIMIT),
             "MIRROR_HALF_ANGLE_SINE": _float(np.sin(MIRROR_HALF_ANGLE_RAD), 3),
+            "INDEX_MATCHED_RATIO": _float(INDEX_MATCHED_RATIO),
+            "SNOW_DEPTH": _float(SNOW_DEPTH_M),
+            "SNOW_DEPTH_ON_ROAD": _float(SNOW_DEPTH_ON_ROAD_M),
             "NEUTRAL_WEAR": _float(NEUTRAL_WEAR),
             "WEAR_STEPS": _float(WEAR_STEPS),
             "WEAR_TONE": _float(WEAR_TONE),
@@ -175,6 +185,8 @@ def _format_constants() -> Iterator[str]:
         }.items()
     )
 
+    yield f"const vec3 CLEAN_SNOW = {_format_vector(np.array(CLEAN_SNOW))};"
+    yield f"const vec3 DIRTY_SNOW = {_format_vector(np.array(DIRTY_SNOW))};"
     low, high = grid_corners()
     yield f"const vec3 FOG_BEAM_FIRST = {_format_vector(low)};"
     per_root = (np.array(FOG_BEAM_NODES) - 1) / (high - low)

@@ -13,11 +13,16 @@ from advercity.geometry.arrays import Float64Array, FloatArray
 from advercity.materials import MATERIALS, Texture
 from advercity.physics import water
 from advercity.rendering.raycaster import MATERIAL_NAMES
-from advercity.rendering.surface_weather import RUT_FRACTION, SurfaceWeather
+from advercity.rendering.surface_weather import (
+    CLEAN_SNOW,
+    DIRTY_SNOW,
+    INDEX_MATCHED_RATIO,
+    RUT_FRACTION,
+    SNOW_DEPTH_M,
+    SNOW_DEPTH_ON_ROAD_M,
+    SurfaceWeather,
+)
 
-INDEX_MATCHED = 0.85
-CLEAN_SNOW, DIRTY_SNOW = np.array([0.86, 0.88, 0.91]), np.array([0.55, 0.52, 0.48])
-COVERING_DEPTH_M, COVERING_DEPTH_ON_ROAD_M = 0.002, 0.005
 _MATERIALS = [MATERIALS[name] for name in MATERIAL_NAMES]
 _DRY = np.array([one.albedo for one in _MATERIALS])
 _ROUGHNESS = np.array([one.roughness for one in _MATERIALS])
@@ -44,7 +49,7 @@ class WeatheredAlbedo:
         wet = self._wet(material, upward)
         cover = self._cover_by_snow(material, upward)[:, None]
         ruts = np.where(_IS_ROAD[material], RUT_FRACTION, 0.0)[:, None]
-        snow = CLEAN_SNOW + ruts * (DIRTY_SNOW - CLEAN_SNOW)
+        snow = CLEAN_SNOW + ruts * np.subtract(DIRTY_SNOW, CLEAN_SNOW)
         return wet + cover * (snow - wet)
 
     def _wet(self, material: NDArray[np.int16], upward: FloatArray) -> Float64Array:
@@ -55,13 +60,13 @@ class WeatheredAlbedo:
         facing = 0.5 + 0.5 * np.maximum(upward, 0.0)
         wet = max(weather.wetness, weather.ice_cover) * porous * facing
         outside, inside = water.DIFFUSE_EXTERNAL_REFLECTANCE, water.DIFFUSE_INTERNAL_REFLECTANCE
-        soaked = INDEX_MATCHED * (1.0 - outside) * (1.0 - inside) * dry / (1.0 - dry * inside)
+        soaked = INDEX_MATCHED_RATIO * (1.0 - outside) * (1.0 - inside) * dry / (1.0 - dry * inside)
         mirrored = outside * porous * _HOLDS_FILM[material] * _smoothstep(0.3, 1.0, wet)
         return dry + wet[:, None] * (soaked - dry) + mirrored[:, None]
 
     def _cover_by_snow(self, material: NDArray[np.int16], upward: FloatArray) -> Float64Array:
         weather, is_road = self.weather, _IS_ROAD[material]
-        covering_m = np.where(is_road, COVERING_DEPTH_ON_ROAD_M, COVERING_DEPTH_M)
+        covering_m = np.where(is_road, SNOW_DEPTH_ON_ROAD_M, SNOW_DEPTH_M)
         level = np.clip((upward - 0.35) / 0.4, 0.0, 1.0)
         between, in_ruts = weather.snow_between_ruts, weather.snow_in_ruts
         left = np.where(is_road, between + RUT_FRACTION * (in_ruts - between), 1.0)

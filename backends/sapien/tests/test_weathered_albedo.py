@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from advercity_sapien.weathered_albedo import CLEAN_SNOW, WeatheredAlbedo
+from advercity_sapien.weathered_albedo import WeatheredAlbedo
 from numpy.typing import NDArray
 
 from advercity.materials import MATERIALS
 from advercity.rendering.raycaster import MATERIAL_INDEX
-from advercity.rendering.surface_weather import NO_WATER_LEVEL, SurfaceWeather
+from advercity.rendering.surface_weather import CLEAN_SNOW, NO_WATER_LEVEL, SurfaceWeather
 
 DRY = SurfaceWeather(
     wetness=0.0,

@@ -98,11 +98,11 @@ float patchNoise(vec2 p, float footprint, out float fraction) {
 
 // Fraction of a pixel under lying snow. It stays on what faces up; traffic clears ruts of roads.
 float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
-  const float ON_ROAD = 0.005, ELSEWHERE = 0.002, SIGMA = 0.2, SOFT = 0.04;
+  const float SIGMA = 0.2, SOFT = 0.04;
   float depth = snowDepth();
   float upward = clamp((n.z - 0.35) / 0.4, 0.0, 1.0);
   if (depth <= 0.0 || snowless || upward <= 0.0) return 0.0;
-  float cover = upward * (1.0 - exp(-depth / (isRoad(kind) ? ON_ROAD : ELSEWHERE)))
+  float cover = upward * (1.0 - exp(-depth / (isRoad(kind) ? SNOW_DEPTH_ON_ROAD : SNOW_DEPTH)))
       * snowfallFraction(p);
   if (kind == TEXTURE_PLAIN) return cover;
   if (isRoad(kind)) {
@@ -116,8 +116,8 @@ float snowCover(int kind, bool snowless, vec3 p, vec3 n, float footprint) {
 
 // Snow on a surface: on roads dirty where wheels go.
 vec3 snowAlbedo(int kind, vec3 p, float footprint) {
-  const vec3 CLEAN = vec3(0.86, 0.88, 0.91), DIRTY = vec3(0.55, 0.52, 0.48);
-  return isRoad(kind) ? mix(CLEAN, DIRTY, smoothstep(0.0, 0.5, wear(p.xy, footprint).x)) : CLEAN;
+  if (!isRoad(kind)) return CLEAN_SNOW;
+  return mix(CLEAN_SNOW, DIRTY_SNOW, smoothstep(0.0, 0.5, wear(p.xy, footprint).x));
 }
 
 // Normal of snow that wind and wheels left uneven, on a surface of normal n.
@@ -134,7 +134,6 @@ vec3 snowNormal(vec3 p, vec3 n, float footprint) {
 // such as car paint, water only beads. `relief` is the normal with what images add to it.
 Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, bool snowless, vec3 p,
     vec3 normal, vec3 relief, float footprint) {
-  const float INDEX_MATCHED = 0.85;
   // Blades and leaves face all ways: under ice, a lawn of them shines, but mirrors nothing.
   const float FILMED = 0.15, STILL = 0.02, GLAZED = 0.1, GLAZED_BLADES = 0.3;
   float porous = smoothstep(0.45, 0.6, roughness) * (1.0 - metallic);
@@ -144,7 +143,7 @@ Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, boo
   // Clear ice envelops all that freezing rain reaches, blades and leaves, too.
   float ice = snowless ? 0.0 : iceCover() * facing;
   wet = max(wet, ice * porous);
-  vec3 soaked = INDEX_MATCHED * (1.0 - WATER_EXTERNAL_REFLECTANCE)
+  vec3 soaked = INDEX_MATCHED_RATIO * (1.0 - WATER_EXTERNAL_REFLECTANCE)
       * (1.0 - WATER_INTERNAL_REFLECTANCE) * albedo / (1.0 - albedo * WATER_INTERNAL_REFLECTANCE);
   float film = max(holdsFilm(kind) ? smoothstep(0.3, 1.0, wet) : 0.0,
       holdsFilm(kind) ? ice : GLAZED_BLADES * ice);
