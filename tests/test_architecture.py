@@ -25,6 +25,7 @@ ROOMS = (
         "processes",
         "texture_packs",
     ),
+    ("foreign",),
     ("geometry", "randomness"),
     ("physics",),
     ("frames", "signal_heads"),

@@ -11,8 +11,8 @@ from xml.etree.ElementTree import SubElement
 from advercity_dsl import Road
 
 from advercity.errors import RunError
+from advercity.foreign.xml_documents import parse_xml, to_xml_bytes
 from advercity.roads.sumo_network import run_netconvert
-from advercity.roads.sumo_xml import parse_xml, to_xml_bytes
 
 OUTPUT_OPTIONS = {
     "precision": "6",

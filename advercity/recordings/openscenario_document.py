@@ -9,7 +9,7 @@ from xml.parsers import expat
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.documents import read_bytes
 from advercity.errors import InputError, describe_cause
-from advercity.roads.sumo_xml import MAX_XML_BYTES, parse_xml
+from advercity.foreign.xml_documents import MAX_XML_BYTES, parse_xml
 
 
 class ScenarioDocument:

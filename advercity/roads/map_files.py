@@ -8,7 +8,8 @@ from xml.etree.ElementTree import Element
 from advercity_dsl import MapFile
 
 from advercity.errors import InputError, describe_cause
-from advercity.roads.sumo_xml import MAX_XML_BYTES, parse_xml, sanitize_network
+from advercity.foreign.xml_documents import MAX_XML_BYTES, parse_xml
+from advercity.roads.sumo_xml import sanitize_network
 
 ROOT_TAGS = {"opendrive": "OpenDRIVE", "osm": "osm", "sumo": "net"}
 

@@ -10,6 +10,7 @@ from advercity_dsl import MapFile, MapNetwork, Road
 from advercity_dsl.road.extent import MAX_SITE_M
 
 from advercity.errors import InputError
+from advercity.foreign.xml_documents import parse_xml, to_xml_bytes
 from advercity.roads.imported_crossings import (
     build_discards,
     marks_crossings,
@@ -22,12 +23,7 @@ from advercity.roads.opendrive_junctions import add_outlines, detach_connecting_
 from advercity.roads.osm_map import REMOVED_TYPE, OsmMap, add_sidewalks, mark_paths
 from advercity.roads.osm_roundabouts import round_roundabouts
 from advercity.roads.sumo_network import run_netconvert
-from advercity.roads.sumo_xml import (
-    pack_network,
-    parse_xml,
-    sanitize_network,
-    to_xml_bytes,
-)
+from advercity.roads.sumo_xml import pack_network, sanitize_network
 
 EARTH_RADIUS_M = 6_371_000.0
 MAX_MAP_DISTANCE_M = 20_000.0

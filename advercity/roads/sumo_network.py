@@ -20,6 +20,7 @@ from advercity_dsl import MapNetwork
 from advercity_dsl.road import Road, StripKind
 
 from advercity.errors import InputError, RunError
+from advercity.foreign.xml_documents import to_xml_bytes
 from advercity.geometry import polyline
 from advercity.geometry.polyline import Points
 from advercity.processes import MISSING_PROGRAM, bind_to_this_process
@@ -32,7 +33,7 @@ from advercity.roads.streets import (
     sumo_edge_id,
     sumo_lane_index,
 )
-from advercity.roads.sumo_xml import to_xml_bytes, unpack_network
+from advercity.roads.sumo_xml import unpack_network
 
 NETCONVERT_TIMEOUT_S = 120
 NETCONVERT_OPTIONS = {

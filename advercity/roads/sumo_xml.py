@@ -1,7 +1,4 @@
-"""Untrusted XML and SUMO networks, checked so that other programs can read them safely.
-
-A document type is refused, and with it every entity and every external file; size and depth are
-limited. What is passed on is written anew from the checked tree.
+"""SUMO networks from unknown authors, checked so that SUMO can read them safely.
 
 SUMO reads networks with the parser that also reads detectors and signal programs that write files,
 and a projection may name grid files to open. So only elements and attributes of a plain network
@@ -11,55 +8,10 @@ pass, both into a spec and out of it.
 import base64
 import binascii
 import zlib
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
-from xml.parsers import expat
 
 from advercity.errors import InputError
-
-MAX_XML_BYTES = 64_000_000
-MAX_XML_DEPTH = 60
-
-
-def parse_xml(raw: bytes) -> Element:
-    """Parse a document; InputError if it is too large, too deep, unsafe or not XML."""
-    if len(raw) > MAX_XML_BYTES:
-        raise InputError(f"has {len(raw)} bytes; at most {MAX_XML_BYTES} are read")
-    try:
-        _check_limits(raw)
-        return ElementTree.fromstring(raw)  # noqa: S314  checked just now
-    except (expat.ExpatError, ElementTree.ParseError, ValueError, LookupError) as error:
-        raise InputError(f"is not XML: {error}") from None
-
-
-def to_xml_bytes(root: Element) -> bytes:
-    """Encode a tree as UTF-8 text without comments."""
-    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
-
-
-def _check_limits(raw: bytes) -> None:
-    # expat reports what ElementTree hides, before a tree is built.
-    depth = 0
-
-    def refuse(*_: object) -> None:
-        raise InputError("has a document type (<!DOCTYPE ...>), which is not needed; remove it")
-
-    def enter(*_: object) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > MAX_XML_DEPTH:
-            raise InputError(f"is nested deeper than {MAX_XML_DEPTH} levels")
-
-    def leave(_: object) -> None:
-        nonlocal depth
-        depth -= 1
-
-    parser = expat.ParserCreate()
-    parser.StartDoctypeDeclHandler = refuse
-    parser.StartElementHandler = enter
-    parser.EndElementHandler = leave
-    parser.Parse(raw, True)
-
+from advercity.foreign.xml_documents import MAX_XML_BYTES, parse_xml, to_xml_bytes
 
 _KEPT_ATTRIBUTES = {
     "edge": "id from to function priority shape crossingEdges",

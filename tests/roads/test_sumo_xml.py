@@ -6,13 +6,8 @@ import zlib
 import pytest
 
 from advercity.errors import InputError
-from advercity.roads.sumo_xml import (
-    MAX_XML_BYTES,
-    pack_network,
-    parse_xml,
-    to_xml_bytes,
-    unpack_network,
-)
+from advercity.foreign.xml_documents import MAX_XML_BYTES, parse_xml, to_xml_bytes
+from advercity.roads.sumo_xml import pack_network, unpack_network
 
 
 def test_a_huge_file_is_refused_unparsed() -> None:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
-from advercity_dsl.base import CompactModel, Digest, Id, Items, Model, is_none
+from advercity_dsl.base import CompactModel, Digest, Id, Items, Model, is_empty, is_none
 from advercity_dsl.units import (
     Degrees,
     KilometresPerHour,
@@ -152,6 +152,17 @@ class MapFile(Model):
     """Two opposite corners of a rectangle; roads entirely outside are omitted."""
 
 
+class LeftOut(Model):
+    """Parts of a map or recording that are not taken over."""
+
+    name: Annotated[str, StringConstraints(min_length=1, max_length=200)]
+    """Name of the parts."""
+    count: Annotated[int, Field(ge=1)]
+    """Number of the parts."""
+    line: Annotated[int, Field(ge=0)] = Field(default=0, exclude_if=lambda line: line == 0)
+    """Line of the first part in its file; 0 where the format has no lines."""
+
+
 class MapNetwork(Model):
     """The network that the compiler builds from a map; a spec needs no other file."""
 
@@ -161,3 +172,11 @@ class MapNetwork(Model):
     """SHA-256 of the map's file."""
     network: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
     """SUMO network, compressed with zlib and encoded in Base64."""
+    offset_m: Point2 = Field(default=(0.0, 0.0), exclude_if=lambda offset_m: offset_m == (0.0, 0.0))
+    """Coordinates [east, north] in the map of the world frame's origin."""
+    driving_side: Literal["right", "left"] = Field(
+        default="right", exclude_if=lambda side: side == "right"
+    )
+    """Side of the road on which traffic drives."""
+    left_out: Items[LeftOut] = Field(default=(), exclude_if=is_empty)
+    """Parts of the map that are not taken over."""

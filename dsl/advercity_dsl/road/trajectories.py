@@ -4,7 +4,8 @@ from typing import Annotated, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
-from advercity_dsl.base import Digest, InvalidCombination, Model
+from advercity_dsl.base import Digest, InvalidCombination, Items, Model, is_empty
+from advercity_dsl.road.streets import LeftOut
 from advercity_dsl.units import Seconds
 
 RecordedTime = Annotated[Seconds, Field(ge=-1e6, le=1e6)]
@@ -42,3 +43,5 @@ class TrajectorySet(_RecordedSpan):
     """SHA-256 of the table's file."""
     tracks: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
     """Rows of the table, compressed with zlib and encoded in Base64."""
+    left_out: Items[LeftOut] = Field(default=(), exclude_if=is_empty)
+    """Parts of the recording that are not taken over."""

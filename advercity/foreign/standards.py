@@ -1,0 +1,130 @@
+r"""Tables of what the formats of others can hold, and what advercity does with each part.
+
+`tables/<format>.yaml` names every element of a standard once, by its own name, or by `parent/name`
+where elements of one name differ. Under it, `.` is the element itself, the other keys are its
+attributes:
+
+    road/type/speed: {.: read, max: read, unit: read}
+    lane/height: {.: "left out unless 0: lane height", ...}
+
+| disposition | meaning |
+|---|---|
+| `read` | has an effect on what is made |
+| `none` | has no effect that anyone could see: names, ids, dates |
+| `left out: NAME` | is not taken over, and listed; NAME may be `singular \| plural` |
+| `left out unless VALUE: NAME` | likewise, but for this value, which is what is made anyway |
+| `refuse: REASON` | the file cannot be used |
+
+What is below an element that is left out is left out with it.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import yaml
+
+from advercity.errors import InputError
+from advercity.foreign.ledger import Ledger
+from advercity.foreign.xml_documents import get_line
+
+TABLES = Path(__file__).parent / "tables"
+ELEMENT = "."
+"""Key of the element itself among its attributes."""
+LEFT_OUT = re.compile(r"left out(?: unless (?P<usual>[^:]*))?: (?P<name>.+)")
+REFUSED = re.compile(r"refuse: (?P<reason>.+)")
+
+
+@dataclass(frozen=True)
+class Standard:
+    """What is done with every part of a format.
+
+    Attributes:
+        name: Name and version of the standard.
+        elements: Dispositions by attribute, by `name` or `parent/name` of the element.
+    """
+
+    name: str
+    elements: Mapping[str, Mapping[str, str]]
+
+    def audit(self, root: Element, ledger: Ledger) -> None:
+        """Record every part of a document that is left out.
+
+        Raises:
+            InputError: A part is refused.
+        """
+        self._audit_element(root, (root.tag,), ledger)
+
+    def find_row(self, tags: tuple[str, ...]) -> Mapping[str, str] | None:
+        """Find the row of an element by its tag and those around it, the outermost first."""
+        names = ("/".join(tags[start:]) for start in range(len(tags)))
+        return next((self.elements[name] for name in names if name in self.elements), None)
+
+    def _audit_element(self, element: Element, tags: tuple[str, ...], ledger: Ledger) -> None:
+        row = self.find_row(tags)
+        if row is None:
+            _leave_out_unknown("element", f"<{_shorten(element.tag)}>", element, ledger)
+            return
+        if _leaves_out(row.get(ELEMENT, "read"), element.text or "", element, ledger):
+            return
+        for attribute, value in element.attrib.items():
+            known = row.get(attribute)
+            if known is None:
+                name = f"{_shorten(element.tag)}@{_shorten(attribute)}"
+                _leave_out_unknown("attribute", name, element, ledger)
+            else:
+                _leaves_out(known, value, element, ledger)
+        for child in element:
+            self._audit_element(child, (*tags, child.tag), ledger)
+
+
+@cache
+def load_standard(name: str) -> Standard:
+    """Load the table of a format: `opendrive`, `osm`, `sumo_network`, `openscenario`."""
+    data: Any = yaml.safe_load((TABLES / f"{name}.yaml").read_text(encoding="utf-8"))
+    return Standard(data["standard"], data["elements"])
+
+
+def list_dispositions(standard: Standard) -> Iterator[tuple[str, str, str]]:
+    """List element, attribute and disposition of every part."""
+    for element, row in standard.elements.items():
+        for attribute, disposition in row.items():
+            yield element, attribute, disposition
+
+
+def is_disposition(text: str) -> bool:
+    """Return whether a text is one of the dispositions above."""
+    return text in ("read", "none") or bool(LEFT_OUT.fullmatch(text) or REFUSED.fullmatch(text))
+
+
+def _leaves_out(disposition: str, value: str, element: Element, ledger: Ledger) -> bool:
+    refused = REFUSED.fullmatch(disposition)
+    if refused:
+        raise InputError(f"line {get_line(element)}: <{element.tag}>: {refused['reason']}")
+    left_out = LEFT_OUT.fullmatch(disposition)
+    if left_out is None or _is_usual(value.strip(), left_out["usual"]):
+        return False
+    singular, _, plural = (part.strip() for part in left_out["name"].partition("|"))
+    ledger.leave_out(singular, plural=plural, at=element)
+    return True
+
+
+def _leave_out_unknown(kind: str, name: str, at: Element, ledger: Ledger) -> None:
+    ledger.leave_out(f"unknown {kind} {name}", plural=f"unknown {kind}s {name}", at=at)
+
+
+def _is_usual(value: str, usual: str | None) -> bool:
+    if usual is None:
+        return False
+    try:
+        return float(value) == float(usual)
+    except ValueError:
+        return value == usual.strip()
+
+
+def _shorten(name: str) -> str:
+    return name[:40]
