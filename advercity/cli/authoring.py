@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from advercity.cli.arguments import DEFAULT_LIBRARIES, JsonOption, LibraryArgument
-from advercity.cli.output import print_data, print_remark
+from advercity.cli.output import print_data, print_left_out, print_remark
 from advercity.errors import InputError, RunError
 
 commands = typer.Typer()
@@ -37,6 +37,7 @@ def compile_(
         print_remark(f"{len(specs)} specs in {output} are current")
         return
     print_remark(f"{len(specs)} specs in {output}: {write_specs(specs, output)}")
+    print_left_out(specs)
 
 
 @commands.command()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from advercity.cli.output import print_data, print_remark
+from advercity.cli.output import print_data, print_left_out, print_remark
 from advercity.errors import InputError
 
 if TYPE_CHECKING:
@@ -182,5 +182,6 @@ def _report(specs: "list[Spec]", output: Path) -> None:
     )
     print_remark(f"road '{road.id}' in {output}: {followed}")
     print_remark(f"{len(specs)} spec{'' if len(specs) == 1 else 's'} in {folder}: {counts}")
+    print_left_out(specs)
     for spec in specs:
         print_data(str(folder / f"{spec.id}.json"))

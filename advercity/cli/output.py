@@ -4,13 +4,16 @@ import logging
 import re
 import signal
 import sys
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from contextlib import contextmanager
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from rich.console import Console
 
 from advercity.errors import escape_control_characters
+
+if TYPE_CHECKING:
+    from advercity_dsl import Spec
 
 stderr_console = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 _status = stderr_console.status("")
@@ -53,6 +56,16 @@ def print_remark(text: str) -> None:
     end_status()
     lines = map(escape_control_characters, text.split("\n"))
     stderr_console.print("\n".join(lines), markup=False)
+
+
+def print_left_out(specs: "Iterable[Spec]") -> None:
+    """Print what the roads of specs do not take over from their maps and recordings."""
+    from advercity.foreign.ledger import describe_left_out
+
+    roads = {spec.road.id: spec.road for spec in specs}
+    for road in roads.values():
+        if road.left_out:
+            print_remark(f"road '{road.id}': left out: {describe_left_out(road.left_out)}")
 
 
 OPTION_PARAMETERS = (

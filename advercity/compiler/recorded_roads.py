@@ -14,6 +14,7 @@ import shapely
 import yaml
 from advercity_dsl import Catalogue, MapNetwork, Rig, Spec, Weather
 from advercity_dsl.base import ID_HINT, ID_PATTERN, suggest_name
+from advercity_dsl.road import LeftOut
 from advercity_dsl.suite import Looks
 from advercity_dsl.units import KM_H_PER_M_S
 
@@ -59,12 +60,14 @@ class Recording:
         tracks: Its tracks.
         map_file: Its map; None if it names none.
         remarks: What of it is left out.
+        left_out: Parts of the file that are not taken over.
     """
 
     path: Path
     tracks: Sequence[Track]
     map_file: Path | None = None
     remarks: Sequence[str] = ()
+    left_out: Sequence[LeftOut] = ()
 
 
 @dataclass(frozen=True)
@@ -144,6 +147,7 @@ def write_recorded_road(
             "sha256": hashlib.sha256(table).hexdigest(),
             "from_s": from_s,
             "to_s": to_s,
+            "left_out": [part.model_dump(mode="json") for part in recording.left_out],
         }
         road["traffic"] = _NO_TRAFFIC
         _write_yaml(folder / ROAD_FILE, road)

@@ -24,6 +24,7 @@ from advercity.compiler.explain import ValueOrigin, flatten_values
 from advercity.compiler.source import format_value_path
 from advercity.documents import suggest_path
 from advercity.errors import InputError
+from advercity.foreign.ledger import describe_left_out
 from advercity.output_files import is_dataset_or_scenario
 from advercity.physics.extinction import (
     AirExtinction,
@@ -243,7 +244,12 @@ def describe_road(road: Road) -> Description:
         "streets": ", ".join(planner.streets),
         **(arms if road.imported else declared),
         "agents": ", ".join(road.agents),
+        **_describe_left_out(road),
     }
+
+
+def _describe_left_out(road: Road) -> Description:
+    return {"left out": describe_left_out(road.left_out)} if road.left_out else {}
 
 
 def describe_spec(spec: Spec) -> Description:
@@ -256,6 +262,7 @@ def describe_spec(spec: Spec) -> Description:
         "crash groups": ", ".join(group.typology for group in spec.groups) or "none",
         "conflicts": ", ".join(_describe_conflict(item, spec.timing) for item in spec.conflicts)
         or "none",
+        **_describe_left_out(road),
         **describe_weather(spec.weather),
         "stopping": str(compute_stopping_distance(spec)),
         "traffic": _describe_traffic(spec),

@@ -82,7 +82,13 @@ def load_trajectories(
             f" it has {begins:g} to {ends:g} s"
         )
     packed = base64.b64encode(zlib.compress(format_tracks(kept).encode(), 9)).decode("ascii")
-    found = TrajectorySet(sha256=digest, from_s=declared.from_s, to_s=declared.to_s, tracks=packed)
+    found = TrajectorySet(
+        sha256=digest,
+        from_s=declared.from_s,
+        to_s=declared.to_s,
+        left_out=declared.left_out,
+        tracks=packed,
+    )
     return found, {track.id: track for track in unpack_tracks(found)}
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from advercity.compiler.shipped_library import find_shipped_library
 from advercity.frames import Trace
 from tests.command_line import Command
 from tests.recordings.recorded_files import (
@@ -13,6 +14,8 @@ from tests.recordings.recorded_files import (
     write_openscenario,
     write_street,
 )
+
+SHIPPED = find_shipped_library()
 
 
 def test_a_table_becomes_specs_that_are_run_and_verified(
@@ -189,3 +192,23 @@ def test_what_an_author_changes_in_a_recorded_road_is_checked_by_place(
     )
     (out / "trajectories.csv").write_text((out / "trajectories.csv").read_text() + "\n")
     assert "is not the table that this road was made for" in compile_with("walkers", "walkers")
+
+
+def test_compile_and_show_list_what_a_recording_has_and_the_data_have_not(
+    advercity: Command, tmp_path: Path
+) -> None:
+    out = tmp_path / "hill"
+    ran = advercity(
+        *("import", "trajectories", write_interaction(tmp_path), "--map", write_street(tmp_path)),
+        *("--ego", "1", "--name", "hill", "--looks", "shaped", "--output", out),
+    )
+    assert ran.code == 0
+    road = yaml.safe_load((out / "road.yaml").read_text())
+    road["trajectories"]["left_out"] = [{"name": "trams", "count": 3, "line": 7}]
+    (out / "road.yaml").write_text(yaml.safe_dump(road))
+
+    ran = advercity("compile", SHIPPED, out, "--suite", "hill", "--output", tmp_path / "specs")
+    shown = advercity("show", tmp_path / "specs/hill_clear_day_sparse.json")
+
+    assert "road 'hill': left out: 3 trams (line 7)" in ran.err
+    assert "3 trams (line 7)" in shown.out

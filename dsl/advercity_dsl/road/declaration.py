@@ -27,7 +27,15 @@ from advercity_dsl.road.extent import (
     iterate_surrounding_points,
 )
 from advercity_dsl.road.junctions import Junction, Movement
-from advercity_dsl.road.streets import CrossSection, MapFile, MapNetwork, Street, Strip, StripKind
+from advercity_dsl.road.streets import (
+    CrossSection,
+    LeftOut,
+    MapFile,
+    MapNetwork,
+    Street,
+    Strip,
+    StripKind,
+)
 from advercity_dsl.road.surroundings import Season, Surrounding, SurroundingKind
 from advercity_dsl.road.trajectories import TrackId, TrajectoryFile, TrajectorySet
 from advercity_dsl.units import (
@@ -329,6 +337,17 @@ class Road(Declaration):
         """The vehicle that conflicts are staged for."""
         return next(
             agent for agent in self.agents.values() if isinstance(agent, Vehicle) and agent.is_ego
+        )
+
+    @property
+    def left_out(self) -> Items[LeftOut]:
+        """Parts of its map and its recording that are not taken over."""
+        sources = (self.imported, self.trajectories)
+        return tuple(
+            part
+            for source in sources
+            if isinstance(source, MapNetwork | TrajectorySet)
+            for part in source.left_out
         )
 
     @model_validator(mode="after")

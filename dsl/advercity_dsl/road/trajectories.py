@@ -18,6 +18,8 @@ class _RecordedSpan(Model):
     """Time of the recording at which the first frame is taken."""
     to_s: RecordedTime
     """Time of the recording after which no frame is taken."""
+    left_out: Items[LeftOut] = Field(default=(), exclude_if=is_empty)
+    """Parts of the recording that are not taken over."""
 
     @model_validator(mode="after")
     def _check_span(self) -> Self:
@@ -43,5 +45,3 @@ class TrajectorySet(_RecordedSpan):
     """SHA-256 of the table's file."""
     tracks: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
     """Rows of the table, compressed with zlib and encoded in Base64."""
-    left_out: Items[LeftOut] = Field(default=(), exclude_if=is_empty)
-    """Parts of the recording that are not taken over."""
