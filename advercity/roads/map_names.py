@@ -8,19 +8,21 @@ the place in the map.
 
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from html import unescape
 from xml.etree.ElementTree import Element
 
+from advercity_dsl.base import ID_PATTERN
+
 from advercity.roads.imported_network import ImportedNetwork
 from advercity.roads.network_file import SumoEdge, parse_network
-from advercity.roads.streets import sumo_edge_id
+from advercity.roads.streets import parse_edge_id, sumo_edge_id
 
 MAX_NAME_LENGTH = 40
 """Names of streets and junctions are parts of ids of scenarios, which are limited."""
 JOINED_NAME = re.compile(r"cluster_([^_]+)_")
 """netconvert's name of a junction that it has joined from several nodes of the map."""
-AUTHORED_NAME = re.compile(r"[a-z][a-z0-9_]*[+-]?")
 
 
 def read_street_names(root: Element) -> dict[str, str]:
@@ -41,7 +43,9 @@ def rename_network(net: Element, names: Mapping[str, str]) -> None:
     nodes = _number_names({name: _name_junction(name) for name in places})
     rename = _Renamer(edges, nodes)
     lights = [item.attrib["id"] for item in net.iter("tlLogic")]
-    rename.lights = {name: nodes.get(name, f"light_{_slug(name)}") for name in lights}
+    rename.lights = _number_names(
+        {name: nodes.get(name, f"light_{_slug(name)}") for name in dict.fromkeys(lights)}
+    )
     for item in net.iter():
         for attribute, value in list(item.attrib.items()):
             change = rename.get_change(item.tag, attribute)
@@ -54,11 +58,13 @@ def _name_junction(name: str) -> str:
     joined = JOINED_NAME.match(name)
     if joined is not None:
         return f"j{_slug(joined[1])}"
-    return name if AUTHORED_NAME.fullmatch(name) else f"j{_slug(name)}"
+    return name if re.fullmatch(ID_PATTERN, name) else f"j{_slug(name)}"
 
 
 def _name_edges(network: ImportedNetwork, names: Mapping[str, str]) -> dict[str, str]:
     """Name every edge by its street and direction."""
+    if _is_named_by_streets(network):
+        return {edge: edge for edge in network.edges}
     streets = list(_pair_directions(network))
     wanted = {
         edge.id: _slug(names.get(edge.id, "")) or f"road_{_slug(get_map_id(edge.id))}"
@@ -67,13 +73,33 @@ def _name_edges(network: ImportedNetwork, names: Mapping[str, str]) -> dict[str,
     numbered = _number_names(wanted)
     renamed: dict[str, str] = {}
     for edge, opposite in streets:
-        if AUTHORED_NAME.fullmatch(edge.id):
-            renamed |= {item.id: item.id for item in (edge, opposite) if item}
-            continue
         renamed[edge.id] = sumo_edge_id(numbered[edge.id], along=True)
         if opposite is not None:
             renamed[opposite.id] = sumo_edge_id(numbered[edge.id], along=False)
     return renamed
+
+
+def _is_named_by_streets(network: ImportedNetwork) -> bool:
+    """Return whether all edges are directions of streets, as in a network that we have written.
+
+    The look of a single name tells nothing: networks of others also have lower-case ids.
+    """
+    for edge in network.edges.values():
+        try:
+            street, along = parse_edge_id(edge.id)
+        except KeyError:
+            return False
+        opposite = network.edges.get(sumo_edge_id(street, along=not along))
+        if not re.fullmatch(ID_PATTERN, street) or (opposite is None and not along):
+            return False
+        if opposite is not None and not _leads_back(edge, opposite):
+            return False
+    return True
+
+
+def _leads_back(edge: SumoEdge, opposite: SumoEdge) -> bool:
+    ends = opposite.to_junction, opposite.from_junction
+    return (edge.from_junction, edge.to_junction) == ends
 
 
 def _pair_directions(network: ImportedNetwork) -> Iterable[tuple[SumoEdge, SumoEdge | None]]:
@@ -97,7 +123,7 @@ def get_map_id(edge: str) -> str:
 
 def _number_names(wanted: Mapping[str, str]) -> dict[str, str]:
     """Number names that several things share: `main_street_1`, `main_street_2`."""
-    shared = {name for name in wanted.values() if list(wanted.values()).count(name) > 1}
+    shared = {name for name, count in Counter(wanted.values()).items() if count > 1}
     taken = set(wanted.values()) - shared
     found: dict[str, str] = {}
     for key, name in wanted.items():

@@ -1,8 +1,25 @@
 """Names of streets and junctions of imported maps."""
 
-from advercity_dsl import Spec
+import re
+from collections import Counter
+from pathlib import Path
+from xml.etree.ElementTree import Element
 
+from advercity_dsl import MapFile, Road, Spec
+from advercity_dsl.base import ID_PATTERN
+from hypothesis import given
+from hypothesis import strategies as st
+
+from advercity.roads.imported_network import ImportedNetwork
+from advercity.roads.imported_streets import read_imported_streets
+from advercity.roads.map_import import import_map
+from advercity.roads.map_names import rename_network
+from advercity.roads.network_file import parse_network
 from advercity.roads.routes import RoutePlanner
+from advercity.roads.streets import parse_edge_id
+from advercity.roads.sumo_xml import pack_network, sanitize_network
+from tests.roads.imported_roads import declaration
+from tests.roads.sumo_networks import ARMS, build_crossing_network, parse_crossing_network
 
 
 def test_streets_take_the_name_or_the_id_that_the_map_has_for_them(crossroads: Spec) -> None:
@@ -32,3 +49,55 @@ def test_a_network_with_names_keeps_them(authored: Spec, reimported: Spec) -> No
     assert {name: set(items) for name, items in theirs.movements.items()} == {
         name: set(items) for name, items in ours.movements.items()
     }
+
+
+def test_a_foreign_network_is_renamed_although_its_ids_look_like_ours(tmp_path: Path) -> None:
+    (tmp_path / "town.net.xml").write_text(build_crossing_network(), encoding="utf-8")
+    road = Road.model_validate(declaration("sumo", "town.net.xml"))
+
+    found = import_map(MapFile(source="sumo", file="town.net.xml"), road, tmp_path)
+
+    streets = read_imported_streets(found.network)
+    assert len(streets.streets) == 4
+    assert streets.controls["mid"] == "signals"
+    assert {street.begins for street in streets.streets.values()} | {"mid"} == {"mid", *ARMS}
+
+
+IDS = st.text(
+    st.characters(codec="utf-8", exclude_categories=("C", "Z"), exclude_characters=":;,|\\\"'<>&"),
+    min_size=1,
+    max_size=12,
+) | st.from_regex(r"[a-c]_?[+-]?", fullmatch=True)
+"""Ids as SUMO allows them; many look like those of our own edges."""
+
+
+@given(st.lists(IDS, min_size=13, max_size=13, unique=True))
+def test_whatever_the_ids_every_street_has_a_name_of_its_own(ids: list[str]) -> None:
+    net = sanitize_network(parse_crossing_network())
+    old = [*(f"{way}_{arm}" for arm in ARMS for way in ("in", "out")), *ARMS, "mid"]
+    replace_ids(net, dict(zip(old, ids, strict=True)))
+
+    rename_network(net, {})
+
+    network = ImportedNetwork.from_network(parse_network(net))
+    names = [parse_edge_id(edge)[0] for edge in network.edges]
+    assert sorted(Counter(names).values()) == [2, 2, 2, 2]
+    assert all(re.fullmatch(ID_PATTERN, name) for name in (*names, *network.junctions))
+    assert len(network.junctions) == 5
+    for edge in network.edges.values():
+        assert {edge.from_junction, edge.to_junction} <= {*network.junctions}
+        assert [lane.id for lane in edge.lanes] == [f"{edge.id}_{n}" for n in range(3)]
+    streets = read_imported_streets(pack_network(net))
+    assert {len(street.left_strips) for street in streets.streets.values()} == {3}
+    (moves,) = streets.movements.values()
+    assert {move.from_street for move in moves} == {*streets.streets} == {*names}
+    assert len(streets.signals) == 12
+
+
+def replace_ids(net: Element, names: dict[str, str]) -> None:
+    """Give edges and junctions other ids, wherever the network refers to them."""
+    pattern = re.compile(rf"(?<![^ :])({'|'.join(names)})(?=$|[ _])")
+    kept = {"type", "state", "shape", "function", "allow", "disallow", "programID"}
+    for item in net.iter():
+        for attribute in item.attrib.keys() - kept:
+            item.set(attribute, pattern.sub(lambda m: names[m[1]], item.attrib[attribute]))
