@@ -1,9 +1,10 @@
 """Names for the streets and junctions of an imported network, as authored roads have them.
 
 The two directions of a street become `<street>+` and `<street>-`. Streets take the name that the
-map has for them, else the id of their road or way, and are numbered where several pieces share it;
-junctions are `j` and their id in the map, or that of one of their nodes. So a name leads back to
-the place in the map.
+map has for them, else the id of their road or way, and are numbered where several pieces share it.
+`7th Avenue` and `North` become `street_7th_avenue` and `street_north`: ids begin with a letter, and
+`north` is an arm of a junction. Junctions are `j` and their id in the map, or that of one of their
+nodes. So a name leads back to the place in the map.
 """
 
 import re
@@ -16,6 +17,7 @@ from xml.etree.ElementTree import Element
 from advercity_dsl.base import ID_PATTERN
 
 from advercity.roads.imported_network import ImportedNetwork
+from advercity.roads.junction_arms import COMPASS_RAD, RELATIVE_RAD
 from advercity.roads.network_file import SumoEdge, parse_network
 from advercity.roads.streets import parse_edge_id, sumo_edge_id
 
@@ -23,6 +25,8 @@ MAX_NAME_LENGTH = 40
 """Names of streets and junctions are parts of ids of scenarios, which are limited."""
 JOINED_NAME = re.compile(r"cluster_([^_]+)_")
 """netconvert's name of a junction that it has joined from several nodes of the map."""
+ARM_WORDS = frozenset(COMPASS_RAD) | frozenset(RELATIVE_RAD)
+"""Words for arms of a junction, where a declaration may also name a street."""
 
 
 def read_street_names(root: Element) -> dict[str, str]:
@@ -67,7 +71,7 @@ def _name_edges(network: ImportedNetwork, names: Mapping[str, str]) -> dict[str,
         return {edge: edge for edge in network.edges}
     streets = list(_pair_directions(network))
     wanted = {
-        edge.id: _slug(names.get(edge.id, "")) or f"road_{_slug(get_map_id(edge.id))}"
+        edge.id: _name_street(names.get(edge.id, "")) or f"road_{_slug(get_map_id(edge.id))}"
         for edge, _ in streets
     }
     numbered = _number_names(wanted)
@@ -119,6 +123,12 @@ def _pair_directions(network: ImportedNetwork) -> Iterable[tuple[SumoEdge, SumoE
 def get_map_id(edge: str) -> str:
     """Return the id in the map of an edge; netconvert marks directions and pieces."""
     return edge.lstrip("-").partition("#")[0]
+
+
+def _name_street(name: str) -> str:
+    """Name a street as the map does, by an id; an empty text if nothing is left of its name."""
+    plain = _slug(name)
+    return f"street_{plain}" if plain[:1].isdigit() or plain in ARM_WORDS else plain
 
 
 def _number_names(wanted: Mapping[str, str]) -> dict[str, str]:

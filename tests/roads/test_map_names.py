@@ -3,8 +3,9 @@
 import re
 from collections import Counter
 from pathlib import Path
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, fromstring
 
+import pytest
 from advercity_dsl import MapFile, Road, Spec
 from advercity_dsl.base import ID_PATTERN
 from hypothesis import given
@@ -12,13 +13,14 @@ from hypothesis import strategies as st
 
 from advercity.roads.imported_network import ImportedNetwork
 from advercity.roads.imported_streets import read_imported_streets
+from advercity.roads.junction_arms import COMPASS_RAD, RELATIVE_RAD
 from advercity.roads.map_import import import_map
 from advercity.roads.map_names import rename_network
 from advercity.roads.network_file import parse_network
 from advercity.roads.routes import RoutePlanner
 from advercity.roads.streets import parse_edge_id
 from advercity.roads.sumo_xml import pack_network, sanitize_network
-from tests.roads.imported_roads import declaration
+from tests.roads.imported_roads import CROSSROADS, DATA, declaration
 from tests.roads.sumo_networks import ARMS, build_crossing_network, parse_crossing_network
 
 
@@ -101,3 +103,56 @@ def replace_ids(net: Element, names: dict[str, str]) -> None:
     for item in net.iter():
         for attribute in item.attrib.keys() - kept:
             item.set(attribute, pattern.sub(lambda m: names[m[1]], item.attrib[attribute]))
+
+
+@pytest.mark.parametrize(
+    ("name", "street"),
+    [
+        ("7th Avenue", "street_7th_avenue"),
+        ("1", "street_1"),
+        ("North", "street_north"),
+        ("Opposite", "street_opposite"),
+        ("Große Straße", "grosse_strasse"),
+        ("明治通り", "road_11"),
+        ("---", "road_11"),
+        ("Long Street " * 25, "long_street_long_street_long_street_long"),
+    ],
+)
+def test_any_name_of_a_street_becomes_an_id(name: str, street: str, tmp_path: Path) -> None:
+    text = (DATA / "crossroads.osm").read_text(encoding="utf-8").replace("Große Straße", name)
+    (tmp_path / "town.osm").write_text(text, encoding="utf-8")
+    road = Road.model_validate(CROSSROADS)
+    network = import_map(MapFile(source="osm", file="town.osm"), road, tmp_path)
+
+    streets = RoutePlanner(road.model_copy(update={"imported": network})).streets
+
+    assert {f"{street}_1", f"{street}_2"} < set(streets)
+
+
+WORDS = st.one_of(
+    st.text(max_size=20),
+    st.sampled_from(["7th Avenue", "A", "a_1", "A 1", "North", "left", "main", "!", "x" * 300]),
+)
+
+
+@given(st.lists(WORDS, min_size=1, max_size=8))
+def test_ids_of_streets_are_valid_and_differ_whatever_their_names(names: list[str]) -> None:
+    net = _build_streets(len(names))
+
+    rename_network(net, {str(number): name for number, name in enumerate(names)})
+
+    streets = [parse_edge_id(item.attrib["id"])[0] for item in net.iter("edge")]
+    assert len(set(streets)) == len(names)
+    assert all(re.fullmatch(ID_PATTERN, name) for name in streets)
+    assert not set(streets) & {*COMPASS_RAD, *RELATIVE_RAD}
+
+
+def _build_streets(count: int) -> Element:
+    """Build one-way streets from one junction to another."""
+    net = fromstring("<net><junction id='1'/><junction id='2'/></net>")
+    for number in range(count):
+        edge = Element("edge", {"id": str(number), "from": "1", "to": "2"})
+        shape = {"shape": f"0,{20 * number} 100,{20 * number}", "length": "100", "speed": "10"}
+        edge.append(Element("lane", {"id": f"{number}_0", "index": "0", **shape}))
+        net.append(edge)
+    return net
