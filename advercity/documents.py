@@ -191,8 +191,10 @@ def _refuse_constant(name: str) -> float:
     raise ValueError(f"{name} is not a number in JSON")
 
 
+# A text without an end reaches to the end of the file, so that no character is looked at twice.
 _JSON_TOKEN = re.compile(
-    r'("(?:[^"\\]|\\.)*")(\s*:)?|[\[{]|[\]}]|-?(?:NaN|Infinity)|\d+', re.DOTALL
+    r'\\.|("(?:[^"\\]|\\.)*+(?:"|\\?\Z))(\s*+:)?|[\[{]|[\]}]|-?(?:NaN|Infinity)|\d++',
+    re.DOTALL,
 )
 
 

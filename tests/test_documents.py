@@ -138,3 +138,30 @@ def test_no_other_module_parses_yaml_or_json_of_files() -> None:
         "advercity/documents.py: json.loads",
         "advercity/documents.py: yaml.load",
     }
+
+
+ENDLESS = {
+    "escapes": '\\"',
+    "escaped backslashes": "\\\\",
+    "brackets": "[",
+    "texts": '"x" ',
+    "blanks": " ",
+    "digits": "1",
+    "signs": "-",
+}
+
+
+@pytest.mark.parametrize("kind", ENDLESS)
+def test_the_time_to_refuse_json_grows_with_its_size_and_no_faster(kind: str) -> None:
+    def measure_s(count: int) -> float:
+        text = f"[{ENDLESS[kind] * count}{'[' * 50}".encode()
+        times_s: list[float] = []
+        for _ in range(5):
+            begin_s = time.process_time()
+            with pytest.raises(DiagnosticsError, match="not valid JSON"):
+                parse_json(text, Path("x.json"))
+            times_s.append(time.process_time() - begin_s)
+        return min(times_s)
+
+    # 16 times the size takes 16 times as long, and 256 times if every character is looked at again.
+    assert measure_s(320_000) < 64 * max(measure_s(20_000), 1e-3)

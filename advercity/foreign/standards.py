@@ -26,8 +26,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
-import yaml
-
+from advercity.documents import parse_yaml
 from advercity.errors import InputError
 from advercity.foreign.ledger import Ledger
 from advercity.foreign.xml_documents import get_line
@@ -85,7 +84,8 @@ class Standard:
 @cache
 def load_standard(name: str) -> Standard:
     """Load the table of a format: `opendrive`, `osm`, `sumo_network`, `openscenario`."""
-    data: Any = yaml.safe_load((TABLES / f"{name}.yaml").read_text(encoding="utf-8"))
+    path = TABLES / f"{name}.yaml"
+    data: Any = parse_yaml(path.read_bytes(), path)
     return Standard(data["standard"], data["elements"])
 
 
