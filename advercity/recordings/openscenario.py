@@ -90,6 +90,8 @@ class _ScenarioReader:
         self._read_init()
         for act in root.iterfind("Storyboard/Story/Act"):
             self._read_act(act)
+        self._check_stop_triggers()
+        self._check_speeds()
         logic = root.find("RoadNetwork/LogicFile")
         map_file = self._document.get(logic, "filepath") if logic is not None else None
         self._note_ignored()
@@ -169,8 +171,10 @@ class _ScenarioReader:
                     if motion is not None:
                         heading = 0.0 if math.isnan(found.heading) else found.heading
                         motion.teleport = found._replace(heading=heading)
-                elif action.find("SpeedAction") is None:
+                elif (speed := action.find("SpeedAction")) is None:
                     self._refuse_action(action)
+                elif motion is not None and not _is_standing(speed):
+                    motion.speed = speed
         for action in self._root.iterfind("Storyboard/Init/Actions/GlobalAction/*"):
             self._document.remark(action, "")
 
@@ -203,6 +207,22 @@ class _ScenarioReader:
         hint = "record the motion that it makes as a trajectory with times"
         self._document.refuse(named, "actors follow trajectories by time, and nothing else", hint)
 
+    def _check_stop_triggers(self) -> None:
+        """Refuse triggers that would end motions before their trajectories do."""
+        for condition in self._root.iterfind("Storyboard//StopTrigger/ConditionGroup/Condition"):
+            kind = next(condition.iterfind("*/*"), condition)
+            hint = "remove it, and cut the trajectories where it would stop"
+            self._document.refuse(kind, "stop triggers are not read", hint)
+
+    def _check_speeds(self) -> None:
+        """Refuse speeds of entities that no trajectory leads from the start."""
+        for name, motion in self._motions.items():
+            is_led = any(vertex.time_s <= 0 for vertex in motion.vertices)
+            if motion.speed is not None and not is_led and motion.added_s is None:
+                message = f"'{name}' would drive on along its lane"
+                hint = "give it a trajectory with times from 0 s"
+                self._document.refuse(motion.speed, message, hint)
+
     def _note_ignored(self) -> None:
         for tag in ("RoadNetwork/TrafficSignals", "RoadNetwork/SceneGraphFile"):
             for item in self._root.iterfind(tag):
@@ -221,10 +241,20 @@ class _ScenarioReader:
                 self._document.refuse(
                     item, "the maneuver is not in this file", "write it into the scenario"
                 )
+            self._check_priorities(group)
             for event in group.iterfind("Maneuver/Event"):
                 start_s = max(act_s, self._read_start(event))
                 for action in event.iterfind("Action/*"):
                     self._read_action(action, actors, start_s)
+
+    def _check_priorities(self, group: Element) -> None:
+        """Refuse events that would end, or be skipped for, another event of their maneuver."""
+        for maneuver in group.iterfind("Maneuver"):
+            for event in maneuver.findall("Event")[1:]:
+                priority = self._document.get(event, "priority", "parallel")
+                if priority != "parallel":
+                    hint = "give one trajectory with all that is driven"
+                    self._document.refuse(event, f'priority="{priority[:40]}" is not read', hint)
 
     def _read_start(self, item: Element) -> float:
         """Read the time of a start trigger; of several groups of conditions the first counts."""
@@ -314,3 +344,8 @@ class _ScenarioReader:
             return True
         self._document.refuse(vertex, message, hint)
         return False
+
+
+def _is_standing(speed: Element) -> bool:
+    target = speed.find("SpeedActionTarget/AbsoluteTargetSpeed")
+    return target is not None and target.get("value") in ("0", "0.0")

@@ -65,6 +65,7 @@ class Motion:
         added_s: Time at which it is added; None if it is there from the start.
         deleted_s: Time at which it is deleted.
         element: Its first trajectory, for messages.
+        speed: The action that gives it a speed at the start.
     """
 
     teleport: Vertex | None = None
@@ -72,6 +73,7 @@ class Motion:
     added_s: float | None = None
     deleted_s: float = math.inf
     element: Element | None = None
+    speed: Element | None = None
 
 
 class TrackBuilder:

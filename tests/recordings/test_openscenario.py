@@ -89,6 +89,22 @@ LONG = format_vertex(0, 0, 0, 0) + format_vertex(100_000, 5, 0, 0)
 NURBS = "<Nurbs order='4'/>"
 
 
+STOP = f"<StopTrigger><ConditionGroup>{format_start(2)}</ConditionGroup></StopTrigger>"
+
+
+def _start_at_speed(name: str, speed_m_s: float) -> str:
+    target = f'<AbsoluteTargetSpeed value="{speed_m_s}"/>'
+    dynamics = '<SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/>'
+    speed = f"<SpeedAction>{dynamics}<SpeedActionTarget>{target}</SpeedActionTarget></SpeedAction>"
+    action = f"<PrivateAction><LongitudinalAction>{speed}</LongitudinalAction></PrivateAction>"
+    return f'<Private entityRef="{name}">{action}</Private>'
+
+
+def _overwrite(group: str) -> str:
+    event = group[group.index("<Event") : group.index("</Maneuver>")]
+    return group.replace(event, event + event.replace('"parallel"', '"overwrite"'))
+
+
 @pytest.mark.parametrize(
     ("body", "expected"),
     {
@@ -129,6 +145,15 @@ NURBS = "<Nurbs order='4'/>"
         ),
         _story(format_trajectory("Ego", TWO.replace('"5.000000"', '"$speed"'))): (
             "<WorldPosition>: '$speed' has no value"
+        ),
+        _story(format_trajectory("Ego", TWO), init=_start_at_speed("Other", 7.5)): (
+            "<SpeedAction>: 'Other' would drive on along its lane; give it a trajectory with times"
+        ),
+        _story(_overwrite(format_trajectory("Ego", TWO))): (
+            '<Event>: priority="overwrite" is not read; give one trajectory with all that is driven'
+        ),
+        _story(format_trajectory("Ego", TWO)).replace("<StopTrigger/>", STOP): (
+            "<SimulationTimeCondition>: stop triggers are not read; remove it, and cut"
         ),
         _story(init=format_teleport("Ego", 0, 0, 0)): "no entity follows a trajectory by time",
     }.items(),
