@@ -5,6 +5,8 @@ from dataclasses import replace
 from typing import Any, cast
 
 from advercity_dsl.base import ValuePath
+from advercity_dsl.units import Hertz
+from pydantic import TypeAdapter, ValidationError
 
 from advercity.compiler.extends import (
     Documents,
@@ -18,6 +20,8 @@ from advercity.diagnostics import DiagnosticsError
 
 CARRIERS = ("vehicle", "roadside_unit")
 KIND = "lidar_model"
+MODEL_RATE_HZ = 10.0
+"""Scans per second for which a model gives `azimuths`, unless it gives a rate of its own."""
 
 
 def names_lidar_model(data: Any) -> bool:
@@ -38,7 +42,7 @@ def apply_lidar_models(rig: ResolvedDeclaration, documents: Documents) -> Resolv
         # A model with another shape has errors of its own, which are reported at its file.
         if not isinstance(figures, dict):
             continue
-        inherited = cast(dict[str, Any], figures)
+        inherited = _adapt_to_rate(cast(dict[str, Any], figures), written)
         merged = merge_mappings(inherited, written)
         data = replace_values(data, {value_path: merged})
         document = _move_values(model.document, ("lidar",), value_path)
@@ -58,6 +62,22 @@ def _iterate_named(data: Any) -> Iterator[tuple[ValuePath, dict[str, Any]]]:
             *(((carrier, "more_lidars", name), _get_mapping(more, name)) for name in more),
         ]
         yield from ((path, lidar) for path, lidar in found if isinstance(lidar.get("model"), str))
+
+
+def _adapt_to_rate(figures: dict[str, Any], written: dict[str, Any]) -> dict[str, Any]:
+    """Give a scan the beams that a model fires in its period, unless the rig gives them.
+
+    Lasers fire at a pace of their own: a head that turns twice as fast fires half as often a turn.
+    """
+    beams = figures.get("azimuths")
+    rates = [item.get("rate_hz", MODEL_RATE_HZ) for item in (figures, written)]
+    if "rate_hz" not in written or not isinstance(beams, int):
+        return figures
+    try:
+        of_model, of_rig = (TypeAdapter[float](Hertz).validate_python(rate) for rate in rates)
+    except ValidationError:
+        return figures  # reported where it is given
+    return figures | {"azimuths": round(beams * of_model / of_rig)} if of_rig else figures
 
 
 def _get_mapping(data: Any, key: str) -> dict[str, Any]:

@@ -1,12 +1,12 @@
 """Poses of agents and sensors in each frame, and their GNSS, IMU and planned path."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
-from advercity_dsl import Agent, Mount, RoadsideUnit, Spec
+from advercity_dsl import Agent, Lidar, Mount, RoadsideUnit, Spec
 from advercity_dsl.positioning import SatelliteReceiver
 from advercity_dsl.sampling import Sampled
 
@@ -14,7 +14,6 @@ from advercity.conflicts.roles import find_conflict_roles
 from advercity.errors import RunError
 from advercity.frames import (
     AT_REST,
-    ActorState,
     BodyMotion,
     Frame,
     Trace,
@@ -31,6 +30,7 @@ from advercity.scene.parking import place_parked_cars
 from advercity.sensors.can_bus import sample_can_bus
 from advercity.sensors.gnss import ReceiverInPlace, SkyView, measure_gnss
 from advercity.sensors.imu import ImuConditions, measure_imu
+from advercity.sensors.lidar import ScanTime
 from advercity.sensors.measurements import CanSample, GnssFix, ImuSample
 from advercity.sensors.mounts import carrier_from_sensor
 from advercity.sensors.radar import PlacedRadar
@@ -182,15 +182,21 @@ class AgentPoses:
         """Return the velocity (3,) of an agent in the world in m/s; zero for a roadside unit."""
         return self._find_motion(agent, frame).velocity
 
-    def previous_frame(self, frame: Frame) -> Frame:
-        """Return the frame one tick earlier; before the first, motion is extrapolated."""
-        if frame.index > 0:
-            earlier, shift_s = self._traced(frame.index - 1), self._find_shift_s(frame)
-            return earlier.advance(shift_s) if shift_s else earlier
-        after = {state.actor.id: state.world_from_body for state in self._traced(1).states}
-        return replace(
-            frame, states=tuple(_extrapolate_back(state, after) for state in frame.states)
-        )
+    def find_scan_time(self, lidar: Lidar, frame: Frame) -> ScanTime:
+        """Find when a LiDAR takes the scan that ends at a frame's instant."""
+        tick_s = self._trace.tick_s
+        period_s = lidar.find_scan_period_s(tick_s)
+        end_s = frame.index * tick_s + self._find_shift_s(frame)
+        return ScanTime(round(end_s / period_s, 9), period_s)
+
+    def rewind_frame(self, frame: Frame, time_s: float) -> Frame:
+        """Return the actors some seconds before a frame; before the first, motion goes back."""
+        tick_s = self._trace.tick_s
+        ticks = round((self._find_shift_s(frame) - time_s) / tick_s, 9)
+        index = max(frame.index + math.ceil(ticks), 0)
+        shift_s = round((frame.index + ticks - index) * tick_s, 9)
+        then = self._traced(index)
+        return then.advance(shift_s) if shift_s else then
 
     def world_from_cameras(
         self, agent: Agent, frame: Frame, *, time_s: float = 0.0
@@ -417,10 +423,3 @@ class AgentPoses:
 def _join_fixes(fixes: Sequence[GnssFix]) -> GnssFix | None:
     """Join the fixes of a frame to the last of them with those before it; None if none is."""
     return replace(fixes[-1], earlier=tuple(fixes[:-1])) if fixes else None
-
-
-def _extrapolate_back(state: ActorState, after: Mapping[int, Matrix]) -> ActorState:
-    """Move an actor back by a tick, with its motion until the next one."""
-    now = state.world_from_body
-    then = now @ poses.invert_pose(after.get(state.actor.id, now)) @ now
-    return replace(state, world_from_body=then)

@@ -297,7 +297,10 @@ class SensorRig:
 
     def _cast_scan(self, agent: Agent, index: int, frame: Frame) -> ScanHits:
         lidar = agent.sensors.lidars[index]
-        previous = self._poses.previous_frame(frame) if lidar.motion_distortion else None
+        time = self._poses.find_scan_time(lidar, frame)
+        previous = (
+            self._poses.rewind_frame(frame, time.period_s) if lidar.motion_distortion else None
+        )
         self._raycaster.place(frame, hide=_carrier_ids(agent), previous_frame=previous)
         return cast_scan(
             lidar,
@@ -307,7 +310,7 @@ class SensorRig:
             if previous is None
             else self._poses.world_from_lidars(agent, previous)[index],
             puddle_coverage=self._conditions.lidar.puddle_coverage,
-            index=frame.index,
+            time=time,
         )
 
     def _scan_radars(

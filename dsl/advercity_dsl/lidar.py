@@ -28,6 +28,8 @@ from advercity_dsl.units import (
 )
 
 MAX_CHANNELS = 256
+MIN_MOVING_HZ = 2.0
+"""Scans per second from which poses between start and end of a scan are interpolated."""
 AzimuthOffset = Annotated[Degrees, Field(ge=-60, le=60)]
 Efficiency = Annotated[
     Number, Field(ge=0.01, le=10), RangeReason("relative to the mean of all channels")
@@ -139,7 +141,8 @@ class Lidar(Sampled):
     sub_rays: Literal[1, 7] = 1
     """Rays per beam; with 7, a beam can hit two surfaces at an edge."""
     motion_distortion: Flag = False
-    """Whether the scan takes one tick while everything moves, instead of an instant."""
+    """Whether everything moves during the scan, which takes one period of `rate_hz`, or of the
+    frames without it; otherwise it takes an instant."""
     echoes: Literal["strongest", "last", "dual"] = "strongest"
     """Which returns of a beam are reported; dual is both."""
     detection: Literal["noisy", "step"] = "noisy"
@@ -158,6 +161,22 @@ class Lidar(Sampled):
     """Intensity below which a return may be lost."""
     dropoff_zero_intensity: Fraction = 0
     """Probability that a return of zero intensity is lost; lower for stronger ones."""
+
+    def find_scan_period_s(self, tick_s: float) -> float:
+        """Return how long a scan takes, which is from one to the next.
+
+        Args:
+            tick_s: Time between frames, at which it scans without a rate of its own.
+        """
+        return tick_s if self.rate_hz is None else 1.0 / self.rate_hz
+
+    @model_validator(mode="after")
+    def _check_scan_period(self) -> Self:
+        if self.motion_distortion and self.rate_hz is not None and self.rate_hz < MIN_MOVING_HZ:
+            message = f"gives scans of {1 / self.rate_hz:g} s, in which motion is not even"
+            hint = f"give at least {MIN_MOVING_HZ:g}, or no motion_distortion"
+            raise InvalidCombination(("rate_hz",), message, hint)
+        return self
 
     @model_validator(mode="after")
     def _check_channel_count(self) -> Self:

@@ -308,6 +308,18 @@ class Camera(Sampled):
         return self
 
     @model_validator(mode="after")
+    def _check_readout_time(self) -> Self:
+        if self.shutter is None or self.rate_hz is None:
+            return self
+        period_ms = 1000 / self.rate_hz
+        if self.shutter.readout_ms > period_ms:
+            message = f"is longer than from image to image, {period_ms:g} ms"
+            hint = f"give at most that, or a lower rate_hz than {self.rate_hz:g}"
+            place = ("shutter", "readout_ms")
+            raise InvalidCombination(place, message, hint, other_path=("rate_hz",))
+        return self
+
+    @model_validator(mode="after")
     def _check_blurred_time(self) -> Self:
         has_blur = self.shutter is not None and self.shutter.blur_samples > 1
         if has_blur and self.exposure.shutter_s > MAX_BLURRED_S:

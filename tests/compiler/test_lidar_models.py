@@ -57,6 +57,26 @@ def test_a_rig_alone_finds_models_beside_it_and_in_the_library(tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
+    ("of_model", "of_rig", "azimuths"),
+    [
+        ("", "rate_hz: 20", 50),
+        ("", "rate_hz: 10 Hz", 100),
+        ("", "rate_hz: 5", 200),
+        ("", "rate_hz: 20, azimuths: 90", 90),
+        ("rate_hz: 20", "rate_hz: 5", 400),
+        ("rate_hz: 20", "range_m: 40", 100),
+    ],
+)
+def test_a_head_that_turns_faster_fires_less_often_a_turn(
+    write: Write, of_model: str, of_rig: str, azimuths: int
+) -> None:
+    model = MODEL.replace("  azimuths: 100\n", f"  azimuths: 100\n  {of_model}\n")
+    rig = RIG.replace("rear: {model: two_beams}", f"rear: {{model: two_beams, {of_rig}}}")
+    spec, *_ = compile_library(write(model=model, rig=rig))
+    assert spec.agents[0].sensors.lidars[1].azimuths == azimuths
+
+
+@pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         (

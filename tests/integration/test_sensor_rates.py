@@ -220,3 +220,31 @@ def test_damaged_stamps_give_a_message(dataset: Path, tmp_path: Path, stamps: st
     path.write_text(f"{path.read_text().partition('stamps:')[0]}{stamps}\n")
     with pytest.raises(InputError, match=r"000060\.yaml"):
         _ = Scenario(copy)[0]["cav1"].stamps
+
+
+HEADS = "".join(
+    f"    at_{rate}: {{mount: {{z_m: 3}}, channels: 4, azimuths: 64, range_m: 50,"
+    f" motion_distortion: true, rate_hz: {rate}}}\n"
+    for rate in (5, 10, 20, "null")
+)
+MOVING_RIG = RIG.partition("  more_lidars")[0].replace("{lidar}", "") + f"  more_lidars:\n{HEADS}"
+
+
+def test_a_scan_takes_the_period_of_its_rate(tmp_path: Path) -> None:
+    library = write_small_library(tmp_path / "library", rated=MOVING_RIG, suite=SUITE)
+    (spec,) = compile_library(library)
+    run_scenario(spec, replace(make_options(tmp_path), frames=slice(0, 3)))
+    # At 5 Hz, the scan of frame 2 begins with frame 0; before that, motion goes back.
+    for frame in (0, 2):
+        view = Scenario(tmp_path / spec.id)[frame]["cav1"]
+        for lidar, period_s in enumerate((0.2, 0.1, 0.05, 0.1), start=1):
+            cloud = view.load_cloud(lidar)
+            # Sixty-four columns, of which the first is fired a period ago.
+            columns = np.round((cloud["time"] / period_s + 1) * 64)
+            np.testing.assert_allclose(cloud["time"], (columns / 64 - 1) * period_s, atol=1e-6)
+            assert columns.min() < 8 < 56 < columns.max()
+            first = cloud[columns == columns.min()]
+            moved_m = float((first["x"] - first["raw_x"]).mean())
+            came_m = float(view.speed_m_s * first["time"][0])
+            assert came_m < -0.2
+            assert moved_m == pytest.approx(came_m, rel=0.05, abs=0.01)

@@ -4,7 +4,7 @@ Points are in the LiDAR frame: right-handed, x forward, y left, z up. The head r
 counterclockwise from straight ahead and fires all channels at each azimuth.
 """
 
-from advercity.sensors.lidar.beams import beam_directions, channel_elevations_rad
+from advercity.sensors.lidar.beams import ScanTime, beam_directions, channel_elevations_rad
 from advercity.sensors.lidar.conditions import LidarConditions, derive_lidar_conditions
 from advercity.sensors.lidar.point_cloud import measure_point_cloud
 from advercity.sensors.lidar.scan import ScanHits, cast_scan
@@ -15,6 +15,7 @@ __all__ = [
     "PointCloud",
     "PointKind",
     "ScanHits",
+    "ScanTime",
     "beam_directions",
     "cast_scan",
     "channel_elevations_rad",

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
 from advercity.geometry.poses import Matrix, invert_pose, transform_points
 
-SCAN_PERIOD_S = 0.1
-"""Duration of a scan: one tick of the simulation."""
 SUB_RAY_RADIUS = 0.65
 """Distance of the six outer sub-rays from the axis, in half-widths of the beam."""
 
@@ -69,6 +67,22 @@ class BeamShape:
 
 
 @dataclass(frozen=True)
+class ScanTime:
+    """When a scan is taken.
+
+    Attributes:
+        index: Scans since the start; a fraction, if the scenario starts within a scan.
+        period_s: Duration of a scan.
+    """
+
+    index: float = 0
+    period_s: float = 0.1
+
+
+FIRST_SCAN = ScanTime()
+
+
+@dataclass(frozen=True)
 class ScanPattern:
     """Everything that the ray directions of a scan depend on; hashable, a cache's key.
 
@@ -79,7 +93,7 @@ class ScanPattern:
         divergence_rad: Full divergence of a beam, horizontal and vertical.
         sub_rays: Rays that sample one beam.
         prisms: Prisms in place of a spinning head.
-        scan_index: Scans since the start; 0 for all scans of a head, which are alike.
+        time: When the scan is taken; the first scan for all of a head, which are alike.
     """
 
     azimuths: int
@@ -88,10 +102,10 @@ class ScanPattern:
     divergence_rad: tuple[float, float]
     sub_rays: int = 1
     prisms: PrismScan | None = None
-    scan_index: int = 0
+    time: ScanTime = FIRST_SCAN
 
 
-def build_scan_pattern(lidar: Lidar, scan_index: int = 0) -> ScanPattern:
+def build_scan_pattern(lidar: Lidar, time: ScanTime = FIRST_SCAN) -> ScanPattern:
     """Build the pattern of a sensor's scan, which is the same for all unless it has prisms."""
     return ScanPattern(
         lidar.azimuths,
@@ -100,7 +114,7 @@ def build_scan_pattern(lidar: Lidar, scan_index: int = 0) -> ScanPattern:
         BeamShape.from_lidar(lidar).divergence_rad,
         lidar.sub_rays,
         lidar.prisms,
-        scan_index if lidar.prisms else 0,
+        time if lidar.prisms else FIRST_SCAN,
     )
 
 
@@ -139,13 +153,13 @@ def _order_channels(lidar: Lidar) -> IndexArray:
     return np.argsort(lidar.elevations_deg, kind="stable")
 
 
-def beam_directions(lidar: Lidar, scan_index: int = 0) -> NDArray[np.float32]:
+def beam_directions(lidar: Lidar, time: ScanTime = FIRST_SCAN) -> NDArray[np.float32]:
     """Build the beam directions (azimuths * channels, 3) of one scan, unit, LiDAR frame.
 
     Counterclockwise from straight ahead, all channels at each azimuth; those of a sensor with
     prisms in the order of their time. The array is read-only.
     """
-    return build_ray_directions(replace(build_scan_pattern(lidar, scan_index), sub_rays=1))
+    return build_ray_directions(replace(build_scan_pattern(lidar, time), sub_rays=1))
 
 
 def scan_azimuths_rad(azimuths: int) -> NDArray[np.float32]:
@@ -185,8 +199,8 @@ def _aim_columns(pattern: ScanPattern) -> tuple[Float64Array, Float64Array]:
     column = np.arange(pattern.azimuths, dtype=np.float64)
     if pattern.prisms is None:
         return column * (2.0 * math.pi / pattern.azimuths), np.zeros(pattern.azimuths)
-    prisms = pattern.prisms
-    minutes = (pattern.scan_index + column / pattern.azimuths) * (SCAN_PERIOD_S / 60.0)
+    prisms, time = pattern.prisms, pattern.time
+    minutes = (time.index + column / pattern.azimuths) * (time.period_s / 60.0)
     first = 2.0 * math.pi * (prisms.first_rpm * minutes % 1.0)
     second = 2.0 * math.pi * (prisms.second_rpm * minutes % 1.0)
     by_first, by_second = math.radians(prisms.first_deg), math.radians(prisms.second_deg)

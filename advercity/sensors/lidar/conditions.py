@@ -13,7 +13,7 @@ from advercity.geometry.arrays import FloatArray
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.extinction import AirExtinction
 from advercity.physics.precipitation import ParticleSizeDistribution
-from advercity.sensors.lidar.beams import BeamShape, beam_directions, scan_azimuths_rad
+from advercity.sensors.lidar.beams import BeamShape, ScanTime, beam_directions, scan_azimuths_rad
 from advercity.sensors.lidar.forward_scattering import (
     Diffraction,
     delay_per_m,
@@ -48,7 +48,7 @@ class LidarWindow:
 
     @staticmethod
     def from_lidar(
-        lidar: Lidar, scan_index: int, coverage: tuple[float, float, float]
+        lidar: Lidar, time: ScanTime, coverage: tuple[float, float, float]
     ) -> "LidarWindow | None":
         """Build the window of a sensor by its coverage (front, side, rear); None if it is clean."""
         if not any(coverage):
@@ -60,7 +60,7 @@ class LidarWindow:
         by_sector = np.select(limits, [front, side], rear)
         bearing = np.repeat(scan_azimuths_rad(lidar.azimuths), lidar.channels)
         if lidar.prisms:
-            ahead, left, _ = beam_directions(lidar, scan_index).T
+            ahead, left, _ = beam_directions(lidar, time).T
             bearing = np.arctan2(left, ahead) % np.float32(2.0 * math.pi)
         sectors = (bearing * (NUM_WINDOW_SECTORS / (2.0 * math.pi))).astype(np.int32)
         sector = sectors % NUM_WINDOW_SECTORS

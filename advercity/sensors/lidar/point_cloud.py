@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from advercity.frames import ActorState
 from advercity.geometry.arrays import FloatArray
-from advercity.sensors.lidar.beams import SCAN_PERIOD_S, beam_directions, channel_efficiencies
+from advercity.sensors.lidar.beams import beam_directions, channel_efficiencies
 from advercity.sensors.lidar.conditions import NUM_WINDOW_SECTORS, LidarConditions, LidarWindow
 from advercity.sensors.lidar.random_streams import RandomStreams, StreamPurpose
 from advercity.sensors.lidar.received_power import (
@@ -41,7 +41,7 @@ def measure_point_cloud(
     receiver's threshold the rig reports the strongest, the last or both.
     """
     streams = RandomStreams(rng)
-    window = LidarWindow.from_lidar(lidar, scan.index, air.window_coverage)
+    window = LidarWindow.from_lidar(lidar, scan.time, air.window_coverage)
     sources = ReturnSources(lidar, scan, air, streams, window, states)
     is_active = _find_active_beams(lidar, scan, air, streams, window)
     per_beam, others = _collect_returns(lidar, sources, is_active)
@@ -84,7 +84,7 @@ def _find_active_beams(
         is_active = clear if is_active is None else is_active & clear
     if air.sun_direction is not None and lidar.sunlight_noise:
         sun = (scan.world_from_lidar[:3, :3].T @ air.sun_direction).astype(np.float32)
-        off_sun = beam_directions(lidar, scan.index) @ sun < math.cos(SUN_BLINDING_ANGLE_RAD)
+        off_sun = beam_directions(lidar, scan.time) @ sun < math.cos(SUN_BLINDING_ANGLE_RAD)
         is_active = off_sun if is_active is None else is_active & off_sun
     return is_active
 
@@ -124,7 +124,7 @@ def _build_point_cloud(sources: ReturnSources, found: Returns) -> PointCloud:
         found, range_m = found.select(kept), range_m[kept]
     azimuth = found.beam // np.int32(lidar.channels)
     ring = found.beam - azimuth * np.int32(lidar.channels)
-    directions = beam_directions(lidar, scan.index)
+    directions = beam_directions(lidar, scan.time)
     raw = (directions.take(found.beam, axis=0) * range_m[:, None]).astype(np.float32, copy=False)
     points, time_s = _compensate_motion(lidar, scan, raw, azimuth)
     return PointCloud(
@@ -180,5 +180,5 @@ def _compensate_motion(
         return raw, np.zeros(len(raw), np.float32)
     motion = scan.now_from_then[azimuth]
     points = np.einsum("nij,nj->ni", motion[:, :3, :3], raw) + motion[:, :3, 3]
-    time_s = (scan_fractions(lidar)[azimuth] - 1.0) * SCAN_PERIOD_S
+    time_s = (scan_fractions(lidar)[azimuth] - 1.0) * scan.time.period_s
     return points.astype(np.float32), time_s.astype(np.float32)

@@ -141,7 +141,7 @@ class ReturnSources:
         if not len(bright):
             return None
         beam, range_m, power = find_stray_light(
-            replace(build_scan_pattern(self.lidar, self.scan.index), sub_rays=1),
+            replace(build_scan_pattern(self.lidar, self.scan.time), sub_rays=1),
             bright,
             stray_light_db,
             self.receiver.pulse_length_m,
@@ -279,7 +279,7 @@ class ReturnSources:
                 self.lidar,
                 self.scan.world_from_lidar,
                 self.states,
-                scan_index=self.scan.index,
+                time=self.scan.time,
             )
         )
 

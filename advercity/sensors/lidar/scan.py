@@ -13,7 +13,12 @@ from advercity.physics import water
 from advercity.physics.water import fresnel_reflectance
 from advercity.rendering.raycaster import Raycaster, RayHits, Rays
 from advercity.semantics import Semantic
-from advercity.sensors.lidar.beams import build_ray_directions, build_scan_pattern
+from advercity.sensors.lidar.beams import (
+    FIRST_SCAN,
+    ScanTime,
+    build_ray_directions,
+    build_scan_pattern,
+)
 from advercity.sensors.lidar.received_power import (
     IS_GLASS,
     PANE_TRANSMITTANCE,
@@ -53,7 +58,7 @@ class ScanHits:
         world_from_lidar: (4, 4) pose at the frame's instant.
         now_from_then: (azimuths, 4, 4) transform to the LiDAR frame at the frame's instant from
             that when the head passed each azimuth; None if the scan is instantaneous.
-        index: Scans since the start.
+        time: When the scan is taken.
     """
 
     hits: RayHits
@@ -62,7 +67,7 @@ class ScanHits:
     puddle_reflection: SecondaryHits | None
     world_from_lidar: Matrix
     now_from_then: Matrix | None
-    index: int = 0
+    time: ScanTime = FIRST_SCAN
 
 
 def cast_scan(
@@ -72,20 +77,20 @@ def cast_scan(
     *,
     previous_world_from_lidar: Matrix | None = None,
     puddle_coverage: float = 0.0,
-    index: int = 0,
+    time: ScanTime = FIRST_SCAN,
 ) -> ScanHits:
     """Cast the rays of one scan.
 
     Args:
         lidar: The sensor; with `motion_distortion` the scan ends at the frame's instant.
         world_from_lidar: (4, 4) pose at the frame's instant.
-        raycaster: Placed at this frame; with `motion_distortion`, also at the previous one.
-        previous_world_from_lidar: (4, 4) pose one tick earlier; None for a sensor at rest.
+        raycaster: Placed at this frame; with `motion_distortion`, also when it starts.
+        previous_world_from_lidar: (4, 4) pose when the scan starts; None for a sensor at rest.
         puddle_coverage: Fraction of the carriageway under standing water.
-        index: Scans since the start, by which prisms have turned.
+        time: When the scan is taken, by which prisms have turned, and how long it takes.
     """
     world_from_head = _interpolate_head_poses(lidar, world_from_lidar, previous_world_from_lidar)
-    directions = build_ray_directions(build_scan_pattern(lidar, index))
+    directions = build_ray_directions(build_scan_pattern(lidar, time))
     rays = _build_rays(lidar, directions, world_from_lidar, world_from_head)
     hits = raycaster.cast(rays, lidar.range_m)
     puddled = _find_puddle_rays(rays, hits, puddle_coverage)
@@ -100,7 +105,7 @@ def cast_scan(
             if world_from_head is None
             else poses.invert_pose(world_from_lidar) @ world_from_head
         ),
-        index=index,
+        time=time,
     )
 
 

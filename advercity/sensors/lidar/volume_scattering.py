@@ -20,7 +20,13 @@ from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
 from advercity.geometry.poses import Matrix
 from advercity.physics.extinction import AirExtinction
 from advercity.physics.precipitation import ParticleSizeDistribution
-from advercity.sensors.lidar.beams import BeamGrid, BeamShape, beam_directions
+from advercity.sensors.lidar.beams import (
+    FIRST_SCAN,
+    BeamGrid,
+    BeamShape,
+    ScanTime,
+    beam_directions,
+)
 from advercity.sensors.lidar.random_streams import NUM_LEVELS, draw_levels
 from advercity.sensors.lidar.received_power import Receiver
 from advercity.sensors.spray_plumes import (
@@ -268,10 +274,10 @@ def find_plume_crossings(
     world_from_lidar: Matrix,
     states: Iterable[ActorState],
     *,
-    scan_index: int = 0,
+    time: ScanTime = FIRST_SCAN,
 ) -> Iterator[PlumeCrossing]:
     """Find every plume that beams of a LiDAR at a pose (4, 4) cross, in the order of vehicles."""
-    directions = beam_directions(lidar, scan_index)
+    directions = beam_directions(lidar, time)
     grid = BeamGrid.from_lidar(lidar, world_from_lidar)
     for state in iterate_spraying_states(states):
         plume = SprayPlume.from_state(state)

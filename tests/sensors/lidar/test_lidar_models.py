@@ -9,7 +9,7 @@ from advercity_dsl import Lidar, LidarModel, Rig
 
 from advercity.geometry.mesh import Mesh
 from advercity.physics.extinction import extinction_from_mor
-from advercity.sensors.lidar import beam_directions, cast_scan
+from advercity.sensors.lidar import ScanTime, beam_directions, cast_scan
 from advercity.sensors.lidar.received_power import (
     BRIGHTEST_REFLECTANCE,
     Receiver,
@@ -120,7 +120,7 @@ def test_the_128_channels_fire_at_eight_azimuths_a_ninth_of_a_degree_apart() -> 
 
 def test_prisms_draw_the_sum_of_two_turning_vectors() -> None:
     lidar = MODELS["mid_40"]
-    found = beam_directions(lidar, scan_index=3).astype(float)
+    found = beam_directions(lidar, ScanTime(3)).astype(float)
     time_s = 0.3 + np.arange(10_000) * 1e-5
     turns = [2 * math.pi * rpm / 60 * time_s for rpm in (7294, -4664)]
     offset = sum(math.radians(9.6) * np.exp(1j * turn) for turn in turns)
@@ -134,20 +134,20 @@ def test_prisms_draw_the_sum_of_two_turning_vectors() -> None:
 def test_prisms_fill_their_disc_from_scan_to_scan() -> None:
     lidar = MODELS["mid_40"]
     cells = [
-        {*map(tuple, np.round(beam_directions(lidar, scan_index=scan)[:, 1:] / 0.005).astype(int))}
+        {*map(tuple, np.round(beam_directions(lidar, ScanTime(scan))[:, 1:] / 0.005).astype(int))}
         for scan in range(4)
     ]
     covered = [len(set().union(*cells[: count + 1])) for count in range(4)]
     assert all(more > 1.1 * fewer for fewer, more in pairwise(covered[:3]))
     np.testing.assert_array_equal(
-        beam_directions(MODELS["os1_64"]), beam_directions(MODELS["os1_64"], scan_index=3)
+        beam_directions(MODELS["os1_64"]), beam_directions(MODELS["os1_64"], ScanTime(3))
     )
 
 
 def test_prisms_are_cast_at_their_times() -> None:
     lidar = vary(ideal("mid_40"), motion_distortion=True)
     caster = raycaster_with(walls=[WALL_AHEAD])
-    seen = cast_scan(lidar, STAND, caster, index=2)
+    seen = cast_scan(lidar, STAND, caster, time=ScanTime(2))
     found = measure(lidar, seen, air={"mor_m": None})
     assert found.time_s[0] == pytest.approx(-0.1, abs=1e-4)
     assert (np.diff(found.time_s) >= 0).all()
