@@ -1,5 +1,6 @@
 """Compilation of suites: crossing roads, weathers and densities into specs."""
 
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -13,6 +14,7 @@ from advercity_dsl.base import suggest_name
 from advercity_dsl.spec import CrashGroup
 
 from advercity.compiler.assembly import build_spec, find_ego_blueprint, is_edited
+from advercity.compiler.extends import ResolvedDeclaration
 from advercity.compiler.library import (
     Library,
     load_declaration,
@@ -43,6 +45,10 @@ from advercity.errors import InputError
 from advercity.texture_packs import TEXTURE_PACKS
 
 ResultT = TypeVar("ResultT")
+MAX_SPECS = 100_000
+"""Number of scenarios that a suite may cross to; their specs take gigabytes."""
+MAX_PROBLEMS = 20
+"""Number of equal ids that are reported."""
 
 
 def compile_library(*folders: str | os.PathLike[str], suite: str | None = None) -> list[Spec]:
@@ -243,11 +249,10 @@ def _build_scenarios(
     source = library.find_entry(suite).source
     conditions, steps = parse_conditions(suite, source), expand_sweep(suite, source)
     repeats = range(1, suite.repeats + 1) if suite.repeats > 1 else (None,)
-    crossings = product(
-        select_conflicts(library, suite, resolved.roads, groups),
-        resolved.weathers.values(),
-        enumerate(resolved.densities.values()),
-    )
+    places = select_conflicts(library, suite, resolved.roads, groups)
+    factors = (places, resolved.weathers, resolved.densities, steps, repeats)
+    _check_count(source, math.prod(map(len, factors)))
+    crossings = product(places, resolved.weathers.values(), enumerate(resolved.densities.values()))
     common = (resolved.rig, resolved.catalogue, resolved.channel)
     build = partial(build_scenario_inputs, library, suite, require_sun=require_sun)
     scenarios = _run_checks(
@@ -268,7 +273,33 @@ def _build_scenarios(
         raise DiagnosticsError(
             source.build_diagnostic(value_path, "no scenario remains", hint=hint)
         )
+    _check_ids(source, kept)
     return kept
+
+
+def _check_count(source: ResolvedDeclaration, count: int) -> None:
+    if count > MAX_SPECS:
+        message = f"crosses to {count:,} scenarios; the limit is {MAX_SPECS:,}"
+        hint = "select fewer roads, weathers or densities, or fewer steps or repeats"
+        raise DiagnosticsError(source.build_diagnostic(("id",), message, hint=hint))
+
+
+def _check_ids(source: ResolvedDeclaration, scenarios: Iterable[ScenarioInputs]) -> None:
+    """Check that no two scenarios have one id, of which one file would be lost."""
+    first: dict[str, ScenarioInputs] = {}
+    problems: list[Diagnostic] = []
+    for inputs in scenarios:
+        other = first.setdefault(inputs.id, inputs)
+        if other is not inputs:
+            pairs = zip(other.origin.items(), inputs.origin.items(), strict=True)
+            differing = [pair for pair in pairs if pair[0] != pair[1]]
+            origins = (", ".join(map(" ".join, origin)) for origin in zip(*differing, strict=True))
+            message = f"two scenarios have the id '{inputs.id}': of {' and of '.join(origins)}"
+            problems.append(
+                source.build_diagnostic(("id",), message, hint="rename one, or select one")
+            )
+    if problems:
+        raise DiagnosticsError(*problems[:MAX_PROBLEMS])
 
 
 def _assign_crash_groups(

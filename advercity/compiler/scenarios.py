@@ -36,6 +36,9 @@ from advercity.diagnostics import Diagnostic, DiagnosticsError
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
 SWEEP_DIGITS = 3
 """Significant digits of the computed values between the ends of a sweep."""
+ID_DIGITS = 12
+"""Significant digits of a swept value in an id: all that an author writes, without rounding errors
+of units."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,8 @@ class SweepStep:
     def suffix(self) -> str:
         """`mor_m_75`: end of the scenario's id, with `p` for a point and `n` for a minus."""
         # Ids are limited to letters, digits and underscores.
-        number = f"{self.value:.6g}".replace("e+0", "e").replace("e-0", "en").replace("+", "")
+        digits = f"{self.value:.{ID_DIGITS}g}"
+        number = digits.replace("e+0", "e").replace("e-0", "en").replace("+", "")
         return f"{self.value_path[-1]}_{number.replace('.', 'p').replace('-', 'n')}"
 
 
@@ -229,6 +233,19 @@ class ScenarioInputs:
             "rig": self.rig,
             "catalogue": self.catalogue,
             "channel": self.channel,
+        }
+
+    @property
+    def origin(self) -> dict[str, str]:
+        """Declarations and values that make the id."""
+        step = self.step
+        return {
+            "road": self.road.id,
+            "conflict": self.conflicts.crossed_id or "none",
+            "weather": self.weather.id,
+            "density": self.density.id,
+            **({step.field: repr(step.value)} if step else {}),
+            "repeat": str(self.repeat),
         }
 
     @property

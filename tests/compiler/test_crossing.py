@@ -1,4 +1,5 @@
 import shutil
+import time
 from pathlib import Path
 
 import pytest
@@ -155,6 +156,41 @@ def test_an_example_copied_into_the_library_adds_ten_specs(
     assert {made[item].weather.id for item in more} == {name}
     assert len(more) == 10
     assert all(to_json(made[item]) == to_json(specs[item]) for item in specs)
+
+
+def test_two_scenarios_of_one_id_are_an_error_that_names_both(write: Write) -> None:
+    road = (SMALL_LIBRARY / "road.yaml").read_text()
+    weather = "kind: weather\nid: {}\ntime: day\n"
+    folder = write(
+        longer=road.replace("id: lane\n", "id: lane_mist\n"),
+        rain=weather.format("rain"),
+        mist_rain=weather.format("mist_rain"),
+    )
+
+    text = describe_errors(folder)
+
+    assert (
+        "two scenarios have the id 'lane_mist_rain_sparse': of road lane, weather mist_rain and of"
+        " road lane_mist, weather rain"
+    ) in text
+
+
+def test_ids_tell_the_values_of_a_sweep_apart_to_twelve_digits(write: Write) -> None:
+    sweep = "sweep: {field: road.origin_lat_deg, values: [45.00001, 45.00002]}\n"
+    ids = {spec.id[-8:] for spec in compile_library(write(suite=SUITE + sweep))}
+    assert ids == {"45p00001", "45p00002"}
+
+    sweep = "sweep: {field: road.origin_lat_deg, values: [45, 45.0000000000001]}\n"
+    text = describe_errors(write(suite=SUITE + sweep))
+    assert "of road.origin_lat_deg 45.0 and of road.origin_lat_deg 45.0000000000001" in text
+
+
+def test_a_suite_of_too_many_scenarios_is_refused_at_once(write: Write) -> None:
+    sweep = "sweep: {field: road.origin_lat_deg, from: 1, to: 2, count: 100}\nrepeats: 1000\n"
+    folder = write(suite=SUITE + sweep, rain="kind: weather\nid: rain\ntime: day\n")
+    begin_s = time.process_time()
+    assert "crosses to 200,000 scenarios; the limit is 100,000" in describe_errors(folder)
+    assert time.process_time() - begin_s < 1
 
 
 def test_all_weathers_are_those_that_are_not_optional(write: Write) -> None:
