@@ -90,7 +90,7 @@ class _ScenarioReader:
         self._read_init()
         for act in root.iterfind("Storyboard/Story/Act"):
             self._read_act(act)
-        self._check_stop_triggers()
+        self._read_stop()
         self._check_speeds()
         logic = root.find("RoadNetwork/LogicFile")
         map_file = self._document.get(logic, "filepath") if logic is not None else None
@@ -207,12 +207,16 @@ class _ScenarioReader:
         hint = "record the motion that it makes as a trajectory with times"
         self._document.refuse(named, "actors follow trajectories by time, and nothing else", hint)
 
-    def _check_stop_triggers(self) -> None:
-        """Refuse triggers that would end motions before their trajectories do."""
-        for condition in self._root.iterfind("Storyboard//StopTrigger/ConditionGroup/Condition"):
-            kind = next(condition.iterfind("*/*"), condition)
+    def _read_stop(self) -> None:
+        """End all motion where the storyboard stops; triggers that stop a part are refused."""
+        for condition in self._root.iterfind("Storyboard/Story//StopTrigger//Condition"):
             hint = "remove it, and cut the trajectories where it would stop"
-            self._document.refuse(kind, "stop triggers are not read", hint)
+            self._document.refuse(condition, "stop triggers of acts are not read", hint)
+        storyboard = self._root.find("Storyboard")
+        trigger = storyboard.find("StopTrigger") if storyboard is not None else None
+        stop_s = self._read_trigger(trigger, default=math.inf)
+        for motion in self._motions.values():
+            motion.deleted_s = min(motion.deleted_s, stop_s)
 
     def _check_speeds(self) -> None:
         """Refuse speeds of entities that no trajectory leads from the start."""
@@ -257,14 +261,16 @@ class _ScenarioReader:
                     self._document.refuse(event, f'priority="{priority[:40]}" is not read', hint)
 
     def _read_start(self, item: Element) -> float:
-        """Read the time of a start trigger; of several groups of conditions the first counts."""
-        trigger = item.find("StartTrigger")
+        return self._read_trigger(item.find("StartTrigger"), default=0.0)
+
+    def _read_trigger(self, trigger: Element | None, *, default: float) -> float:
+        """Read the time of a trigger; of several groups of conditions the first counts."""
         groups = [] if trigger is None else trigger.findall("ConditionGroup")
-        starts = [
-            max((self._read_condition(one) for one in group.iterfind("Condition")), default=0.0)
+        times_s = [
+            max((self._read_condition(one) for one in group.iterfind("Condition")), default=default)
             for group in groups
         ]
-        return min(starts, default=0.0)
+        return min(times_s, default=default)
 
     def _read_condition(self, condition: Element) -> float:
         time = condition.find("ByValueCondition/SimulationTimeCondition")

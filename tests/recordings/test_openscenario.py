@@ -63,6 +63,13 @@ def test_an_entity_is_there_from_being_added_to_being_deleted(tmp_path: Path) ->
     assert (ego.times_s[0], ego.times_s[-1]) == (2.0, 6.5)
 
 
+def test_all_motion_ends_where_the_storyboard_stops(tmp_path: Path) -> None:
+    vertices = "".join(format_vertex(t, 5 * t, 0, 0) for t in range(10))
+    body = _story(format_trajectory("Ego", vertices)).replace("<StopTrigger/>", STOP)
+    (ego,) = read_scenario(write_openscenario(tmp_path, body=body)).tracks
+    assert ego.times_s[-1] == pytest.approx(2.0, abs=0.5)
+
+
 def _story(*groups: str, init: str = "") -> str:
     act = f'<Story name="s"><Act name="a">{"".join(groups)}</Act></Story>'
     return f"<Init><Actions>{init}</Actions></Init>{act}<StopTrigger/>"
@@ -152,8 +159,8 @@ def _overwrite(group: str) -> str:
         _story(_overwrite(format_trajectory("Ego", TWO))): (
             '<Event>: priority="overwrite" is not read; give one trajectory with all that is driven'
         ),
-        _story(format_trajectory("Ego", TWO)).replace("<StopTrigger/>", STOP): (
-            "<SimulationTimeCondition>: stop triggers are not read; remove it, and cut"
+        _story(format_trajectory("Ego", TWO)).replace("</Act>", f"{STOP}</Act>"): (
+            "<Condition>: stop triggers of acts are not read; remove it, and cut"
         ),
         _story(init=format_teleport("Ego", 0, 0, 0)): "no entity follows a trajectory by time",
     }.items(),
