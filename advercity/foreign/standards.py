@@ -12,7 +12,7 @@ attributes:
 | `read` | has an effect on what is made |
 | `none` | has no effect that anyone could see: names, ids, dates |
 | `left out: NAME` | is not taken over, and listed; NAME may be `singular \| plural` |
-| `left out unless VALUE: NAME` | likewise, but for this value, which is what is made anyway |
+| `left out unless VALUE: NAME` | likewise, but for this value, the usual one; `0\|no`: either |
 | `refuse: REASON` | the file cannot be used |
 
 What is below an element that is left out is left out with it.
@@ -118,12 +118,14 @@ def _leave_out_unknown(kind: str, name: str, at: Element, ledger: Ledger) -> Non
 
 
 def _is_usual(value: str, usual: str | None) -> bool:
-    if usual is None:
-        return False
+    return usual is not None and any(_is_equal(value, item.strip()) for item in usual.split("|"))
+
+
+def _is_equal(value: str, usual: str) -> bool:
     try:
         return float(value) == float(usual)
     except ValueError:
-        return value == usual.strip()
+        return value == usual
 
 
 def _shorten(name: str) -> str:

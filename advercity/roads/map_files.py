@@ -9,14 +9,16 @@ from advercity_dsl import MapFile
 
 from advercity.errors import InputError, describe_cause
 from advercity.foreign.xml_documents import MAX_XML_BYTES, parse_xml
-from advercity.roads.sumo_xml import sanitize_network
 
 ROOT_TAGS = {"opendrive": "OpenDRIVE", "osm": "osm", "sumo": "net"}
 
 
 @dataclass(frozen=True)
 class LoadedMap:
-    """A map's document, without references to other files, and the SHA-256 of its file."""
+    """A map's document, and the SHA-256 of its file.
+
+    The document of an OpenDRIVE or OpenStreetMap file has no references to other files.
+    """
 
     root: Element
     sha256: str
@@ -52,15 +54,14 @@ def read_map_file(declared: MapFile, folder: Path) -> LoadedMap:
             f"{declared.file}: begins with <{root.tag[:40]}>, not"
             f" <{ROOT_TAGS[declared.source]}>{hint}"
         )
-    return LoadedMap(_remove_file_references(root, declared.source), digest)
+    if declared.source != "sumo":
+        _remove_file_references(root)
+    return LoadedMap(root, digest)
 
 
-def _remove_file_references(root: Element, source: str) -> Element:
-    """Remove references to other files from a map."""
-    if source == "sumo":
-        return sanitize_network(root)
+def _remove_file_references(root: Element) -> None:
+    """Remove references to other files from a map, in place."""
     for parent in list(root.iter()):
         for child in list(parent):
             if child.tag in ("geoReference", "include", "userData", "dataQuality"):
                 parent.remove(child)
-    return root

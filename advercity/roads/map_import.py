@@ -8,8 +8,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from advercity_dsl import MapFile, MapNetwork, Road
 from advercity_dsl.road.extent import MAX_SITE_M
+from advercity_dsl.units import Point2
 
 from advercity.errors import InputError
+from advercity.foreign.ledger import Ledger
 from advercity.foreign.xml_documents import parse_xml, to_xml_bytes
 from advercity.roads.imported_crossings import (
     build_discards,
@@ -23,6 +25,7 @@ from advercity.roads.opendrive_junctions import add_outlines, detach_connecting_
 from advercity.roads.osm_map import REMOVED_TYPE, OsmMap, add_sidewalks, mark_paths
 from advercity.roads.osm_roundabouts import round_roundabouts
 from advercity.roads.sumo_network import run_netconvert
+from advercity.roads.sumo_plan import NetworkPlan, plan_network
 from advercity.roads.sumo_xml import pack_network, sanitize_network
 
 EARTH_RADIUS_M = 6_371_000.0
@@ -87,13 +90,19 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
         RunError: `netconvert` does not run.
     """
     found = read_map_file(declared, folder)
-    options = _build_import_options(declared, road, found.root)
+    ledger = Ledger()
+    plan = _plan_network(declared, found.root, ledger) if declared.source == "sumo" else None
+    root = plan.root if plan else found.root
+    options = _build_import_options(declared, road, root)
+    if declared.extent_m is not None:
+        is_mirrored = plan is not None and plan.driving_side == "left"
+        options["keep-edges.in-boundary"] = _format_extent(declared.extent_m, is_mirrored)
     if declared.source == "osm":
         round_roundabouts(found.root)
         mark_paths(found.root, _find_ways_of_cars(found.root, options, declared))
         if road.land_use == "urban":
             add_sidewalks(OsmMap.around(road, found.root))
-    converted = _convert(found.root, options, declared)
+    converted = _convert(root, options, declared)
     _check_lanes(_parse_converted(converted, declared), declared)
     marked = take_crosswalks(converted)
     if declared.source == "osm":
@@ -106,7 +115,20 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     if connecting is not None:
         paved = _parse_converted(_convert(connecting, OPENDRIVE_OPTIONS, declared), declared)
         add_outlines(net, paved.lanes, declared.extent_m)
-    return MapNetwork(source=declared.source, sha256=found.sha256, network=pack_network(net))
+    return MapNetwork(
+        source=declared.source,
+        sha256=found.sha256,
+        network=pack_network(net),
+        driving_side=plan.driving_side if plan else "right",
+        left_out=ledger.left_out,
+    )
+
+
+def _plan_network(declared: MapFile, root: Element, ledger: Ledger) -> NetworkPlan:
+    try:
+        return plan_network(root, ledger)
+    except InputError as error:
+        raise InputError(f"{declared.file}: {error}") from None
 
 
 def _parse_converted(net: Element, declared: MapFile) -> SumoNetwork:
@@ -201,11 +223,14 @@ def _build_import_options(declared: MapFile, road: Road, root: Element) -> dict[
             options |= OSM_OPTIONS | {"proj": _build_projection(declared, road, root)}
         case "sumo":
             options |= SUMO_OPTIONS
-    if declared.extent_m is not None:
-        corners = np.array(declared.extent_m)
-        box = (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
-        options["keep-edges.in-boundary"] = ",".join(f"{value:.3f}" for value in box)
     return options
+
+
+def _format_extent(extent_m: tuple[Point2, Point2], is_mirrored: bool) -> str:
+    """Format a rectangle of the world in the plan frame, which is mirrored for left-hand maps."""
+    corners = np.array(extent_m) * (1.0, -1.0 if is_mirrored else 1.0)
+    box = (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
+    return ",".join(f"{value:.3f}" for value in box)
 
 
 def _build_projection(declared: MapFile, road: Road, root: Element) -> str:

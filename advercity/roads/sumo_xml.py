@@ -24,6 +24,12 @@ _KEPT_ATTRIBUTES = {
     "roundabout": "nodes edges",
     "poly": "id type shape",
 }
+_READ_BY_NETCONVERT = {
+    "junction": "radius rightOfWay",
+    "connection": "pass contPos allow disallow speed length shape uncontrolled",
+    "prohibition": "prohibitor prohibited",
+}
+"""What netconvert makes shapes, limits and rights of way of; SUMO itself does not need it."""
 _KEPT_CHILDREN = {"edge": ("lane",), "tlLogic": ("phase",), "junction": ("request",)}
 _KEPT_ELEMENTS = ("edge", "tlLogic", "junction", "connection", "roundabout", "poly")
 _LOCATION = {
@@ -34,21 +40,31 @@ _LOCATION = {
 }
 
 
-def sanitize_network(root: Element) -> Element:
-    """Copy edges, junctions, connections, fixed signal programs and outlines of a network."""
+def sanitize_network(root: Element, *, for_netconvert: bool = False) -> Element:
+    """Copy edges, junctions, connections, fixed signal programs and outlines of a network.
+
+    Args:
+        root: The network.
+        for_netconvert: Whether to copy what only netconvert reads, too.
+    """
+    more = _READ_BY_NETCONVERT if for_netconvert else {}
+    attributes = {
+        tag: f"{_KEPT_ATTRIBUTES.get(tag, '')} {more.get(tag, '')}".split()
+        for tag in (*_KEPT_ATTRIBUTES, *more)
+    }
     net = Element("net", {"version": root.get("version", "1.20"), "walkingareas": "true"})
     SubElement(net, "location", _LOCATION)
     for item in root:
-        if item.tag in _KEPT_ELEMENTS:
-            copy = _copy_element(net, item)
+        if item.tag in _KEPT_ELEMENTS or item.tag in more:
+            copy = _copy_element(net, item, attributes[item.tag])
             for child in item:
                 if child.tag in _KEPT_CHILDREN.get(item.tag, ()):
-                    _copy_element(copy, child)
+                    _copy_element(copy, child, attributes[child.tag])
     return net
 
 
-def _copy_element(parent: Element, item: Element) -> Element:
-    kept = {name: value for name in _KEPT_ATTRIBUTES[item.tag].split() if (value := item.get(name))}
+def _copy_element(parent: Element, item: Element, attributes: list[str]) -> Element:
+    kept = {name: value for name in attributes if (value := item.get(name))}
     # Actuated programs read detectors and parameters that name files; a fixed one is harmless.
     if item.tag == "tlLogic":
         kept["type"] = "static"
