@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from itertools import accumulate
 from typing import Any
 
-from advercity_dsl import Declaration, RoadsideUnit, Spec, Suite
+from advercity_dsl import Declaration, RoadsideUnit, Spec, Suite, Weather
 from advercity_dsl.base import ValuePath
 
+from advercity.compiler.extends import ResolvedDeclaration
 from advercity.compiler.library import Library, LibraryEntry
 from advercity.compiler.source import format_value_path, iterate_values
 from advercity.errors import InputError
@@ -123,8 +125,18 @@ def _describe_source(path: str, spec: Spec, entries: Entries) -> str:
     sun_at = ("sun_at", spec.road.id)
     if kind == "weather" and value_path[:1] == ("sun",) and source.has_value(sun_at):
         value_path = (*sun_at, *value_path[1:])
-    if not source.has_value(value_path):
-        return "default"
+    then = _find_sun_time(entries[kind].declaration) if value_path[:1] == ("sun",) else None
+    if then is not None and not source.has_value(value_path):
+        return f"rule: of {then:%Y-%m-%d %H:%M} UTC, {_format_place(source, ('sun', 'at'))}"
+    return _format_place(source, value_path) if source.has_value(value_path) else "default"
+
+
+def _find_sun_time(declaration: Declaration) -> datetime | None:
+    """Find the instant that determines the sun's position; None if it is given by angles."""
+    return declaration.sun.time_utc if isinstance(declaration, Weather) else None
+
+
+def _format_place(source: ResolvedDeclaration, value_path: ValuePath) -> str:
     position = source.find_position(value_path)
     return f"{source.find_document(value_path).path}:{position.line}:{position.column}"
 

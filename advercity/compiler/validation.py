@@ -7,10 +7,11 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol, TypeVar
 
-from advercity_dsl import Declaration, Model
+from advercity_dsl import Declaration, Model, Weather
 from advercity_dsl.base import ID_HINT, InvalidCombination, ValuePath, suggest_name
 from pydantic import ValidationError
 
+from advercity.compiler.carla_weather import suggest_for_carla_field
 from advercity.compiler.extends import DOCUMENT_KEYS
 from advercity.compiler.fields import (
     NumberConstraints,
@@ -315,6 +316,8 @@ def _suggest_field(model: type[Model], loc: ValuePath) -> str:
     name = str(loc[-1])
     if ":" in name:
         return "put a space after the colon"
+    if issubclass(model, Weather) and (known := suggest_for_carla_field(loc)):
+        return known
     # `extends` and `version` belong to documents; no model has them as fields.
     is_document = len(loc) == 1 and issubclass(model, Declaration)
     names = find_field_names(model, loc[:-1]) + (list(DOCUMENT_KEYS) if is_document else [])

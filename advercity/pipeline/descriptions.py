@@ -18,6 +18,8 @@ from advercity_dsl import (
     TrajectorySet,
     Weather,
 )
+from advercity_dsl.sun_position import is_without_zone
+from advercity_dsl.weather_components import Sun
 
 from advercity.compiler import LibraryEntry, compare_specs, load_library, read_spec
 from advercity.compiler.explain import ValueOrigin, flatten_values
@@ -140,6 +142,7 @@ def describe_weather(weather: Weather) -> Description:
         "LiDAR range": f"{', '.join(f'{item:.0f}' for item in ranges_m)} m for targets of "
         f"{', '.join(f'{target:.0%}' for target in TARGET_REFLECTANCES)}, in the dark",
         "light": _describe_light(weather),
+        **_describe_sun_time(weather.sun),
         "ground": _describe_ground(weather),
         "source": weather.source or "none given",
     }
@@ -168,6 +171,16 @@ def _describe_visibility(air: AirExtinction) -> str:
     if math.isinf(air.mor_m):
         return "unlimited"
     return f"{air.mor_m:.0f} m ({', '.join(alone)} alone)"
+
+
+def _describe_sun_time(sun: Sun) -> Description:
+    """Describe the instant whose sun it is, if it was given as one."""
+    if sun.at is None or sun.time_utc is None:
+        return {}
+    told = f"{sun.time_utc:%Y-%m-%d %H:%M} UTC"
+    if is_without_zone(sun.at):
+        told += " by longitude; legal time has its zone after it, such as Europe/Madrid"
+    return {"sun's time": told}
 
 
 def _describe_ground(weather: Weather) -> str:

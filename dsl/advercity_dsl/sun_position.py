@@ -5,23 +5,74 @@ The low-precision formulas of the Astronomical Almanac as Michalsky gives them (
 """
 
 import math
+import re
 from datetime import UTC, datetime, timedelta, timezone
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError, available_timezones
+
+from advercity_dsl.base import suggest_name
 
 _EPOCH = datetime(2000, 1, 1, 12, tzinfo=UTC)
 _REFRACTED_ABOVE_DEG = -0.833
 """When the upper edge of the refracted sun is on the horizon."""
 
 
+_WITH_ZONE = re.compile(r"(\S.*\S)\s+([A-Za-z]\S*)")
+_HINT = "write e.g. 2024-11-22T16:30"
+
+
+class TimeError(ValueError):
+    """A text that gives no instant.
+
+    Attributes:
+        message: What is wrong.
+        hint: How to correct it.
+    """
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(f"{message}; {hint}")
+        self.message, self.hint = message, hint
+
+
 def parse_time(text: str, lon_deg: float) -> datetime:
-    """Read a time of ISO 8601; without an offset, it is of the nautical zone of a longitude.
+    """Read a time of ISO 8601, which a name of the IANA time zone database may follow.
+
+    Without an offset and a zone, it is of the nautical zone of a longitude.
 
     Raises:
-        ValueError: It is no such time.
+        TimeError: It is no such time, or clocks of the zone show it twice or never.
     """
-    time = datetime.fromisoformat(text)
+    match = _WITH_ZONE.fullmatch(text.strip())
+    written, zone = match.groups() if match else (text.strip(), None)
+    try:
+        time = datetime.fromisoformat(written)
+    except ValueError:
+        raise TimeError(f"'{text}' is not a time", _HINT) from None
+    if zone is not None:
+        return _place_in_zone(time, zone)
     if time.tzinfo is None:
         time = time.replace(tzinfo=timezone(timedelta(hours=round(lon_deg / 15.0))))
     return time
+
+
+def is_without_zone(text: str) -> bool:
+    """Return whether a valid time has neither an offset nor a zone."""
+    match = _WITH_ZONE.fullmatch(text.strip())
+    return match is None and datetime.fromisoformat(text.strip()).tzinfo is None
+
+
+def _place_in_zone(time: datetime, zone: str) -> datetime:
+    if time.tzinfo is not None:
+        raise TimeError("has an offset and a time zone", "remove one of the two")
+    try:
+        placed = time.replace(tzinfo=ZoneInfo(zone))
+    except (ZoneInfoNotFoundError, ValueError, OSError):
+        hint = suggest_name(zone, available_timezones())
+        raise TimeError(f"'{zone}' is not a time zone", hint) from None
+    earlier, later = placed.utcoffset(), placed.replace(fold=1).utcoffset()
+    if earlier != later:
+        hint = f"give the offset instead, as in {placed.isoformat(timespec='minutes')}"
+        raise TimeError(f"is when clocks of {zone} change", hint)
+    return placed
 
 
 def compute_sun_position(time: datetime, lat_deg: float, lon_deg: float) -> tuple[float, float]:

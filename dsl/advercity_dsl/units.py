@@ -18,10 +18,14 @@ UNITS: dict[str, tuple[str, float]] = {
     "cm": ("length", 1e-2),
     "m": ("length", 1.0),
     "km": ("length", 1e3),
+    "in": ("length", 0.0254),
+    "ft": ("length", 0.3048),
+    "mi": ("length", 1609.344),
     "m/s": ("speed", 1.0),
     "km/h": ("speed", M_S_PER_KM_H),
     "mph": ("speed", 0.44704),  # exact: the international mile is 1609.344 m
     "mm/h": ("precipitation rate", 1.0),
+    "in/h": ("precipitation rate", 25.4),
     "ms": ("time", 1e-3),
     "ns": ("time", 1e-9),
     "s": ("time", 1.0),
@@ -36,6 +40,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "g/cm3": ("density", 1.0),
     "kg/m3": ("density", 1e-3),
     "degC": ("temperature", 1.0),
+    "degF": ("temperature", 5 / 9),
     "mK": ("difference of temperature", 1.0),
     "K": ("difference of temperature", 1e3),
     "Hz": ("frequency", 1e-6),
@@ -54,6 +59,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "1": ("fraction", 1.0),
 }
 """Dimension of each unit, and its size relative to the unit of size 1 in that dimension."""
+ZEROES = {"degF": 32.0}
+"""Readings of units whose zero is not that of their dimension's unit of size 1."""
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"^\s*({_NUMBER}|inf)\s*(\S.*?)?\s*$")
 
@@ -106,7 +113,7 @@ class Unit:
             what = f"is a unit of {dimension}" if dimension else "is not a known unit"
             valid = ", ".join(self.compatible_units)
             raise ValueError(f"'{written}' {what}; units of {self.dimension}: {valid}")
-        result = float(number) * size / UNITS[self.name][1]
+        result = (float(number) - ZEROES.get(written, 0.0)) * size / UNITS[self.name][1]
         if math.isinf(result) and number != "inf":
             raise ValueError(f"'{value}' is too large for a number")
         # Rounding hides the factor's representation error: "0.1 km" is 100 m exactly.

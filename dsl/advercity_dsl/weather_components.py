@@ -4,6 +4,7 @@ A component that is `null` or omitted is absent; so is one with a visibility of 
 """
 
 import math
+from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -18,7 +19,7 @@ from advercity_dsl.base import (
     is_empty,
     is_none,
 )
-from advercity_dsl.sun_position import compute_sun_position, parse_time
+from advercity_dsl.sun_position import TimeError, compute_sun_position, parse_time
 from advercity_dsl.units import (
     Count,
     Degrees,
@@ -218,8 +219,9 @@ class Sun(Model):
     """Azimuth, clockwise from north."""
     # A spec has the angles that follow from these, and not the three themselves.
     at: str | None = Field(default=None, exclude=True)
-    """Time, e.g. 2024-11-22T16:30 or 2024-11-22T21:30Z; without an offset, it is standard time: UTC
-    and an hour for each 15 degrees of longitude, rounded."""
+    """Time, e.g. 2024-11-22T16:30 Europe/Madrid, 2024-11-22T16:30+01:00 or 2024-11-22T15:30Z. With
+    neither zone nor offset, it is UTC and an hour for each 15 degrees of longitude, rounded, which
+    is off legal time in many places."""
     lat_deg: Annotated[Degrees, Field(ge=-90, le=90)] | None = Field(default=None, exclude=True)
     """Latitude of the place, positive in the north."""
     lon_deg: Annotated[Degrees, Field(ge=-180, le=180)] | None = Field(default=None, exclude=True)
@@ -234,6 +236,13 @@ class Sun(Model):
         default=DEFAULT_SEEN_FRACTION, exclude_if=lambda value: value == DEFAULT_SEEN_FRACTION
     )
     """Lowest fraction of the ego's path on which it is in view."""
+
+    @property
+    def time_utc(self) -> datetime | None:
+        """Instant that `at` means, in UTC; None without it, as in a spec."""
+        if self.at is None or self.lon_deg is None:
+            return None
+        return parse_time(self.at, self.lon_deg).astimezone(UTC)
 
     @model_validator(mode="after")
     def _check_exclusive_fields(self) -> Self:
@@ -277,10 +286,8 @@ class Sun(Model):
             return
         try:
             time = parse_time(self.at, self.lon_deg)
-        except ValueError:
-            raise InvalidCombination(
-                ("at",), f"'{self.at}' is not a time", "write e.g. 2024-11-22T16:30"
-            ) from None
+        except TimeError as error:
+            raise InvalidCombination(("at",), error.message, error.hint) from None
         elevation_deg, azimuth_deg = compute_sun_position(time, self.lat_deg, self.lon_deg)
         # A hundredth of a degree is the accuracy of the formulas; models are frozen otherwise.
         object.__setattr__(self, "elevation_deg", round(elevation_deg, 2))

@@ -239,6 +239,24 @@ def test_show_explains_a_weather_in_words_and_numbers(advercity: Command, librar
     assert facts["LiDAR range"].startswith("62, 112, 130 m")
 
 
+@pytest.mark.parametrize(
+    ("at", "told"),
+    [
+        ("2025-06-21T12:00 Europe/Madrid", "2025-06-21 10:00 UTC"),
+        ("2025-06-21T12:00-03:30", "2025-06-21 15:30 UTC"),
+        ("2025-06-21T12:00", "2025-06-21 12:00 UTC by longitude; legal time has its zone after it"),
+    ],
+)
+def test_show_tells_the_instant_of_a_sun(
+    advercity: Command, tmp_path: Path, at: str, told: str
+) -> None:
+    path = tmp_path / "noon.yaml"
+    sun = f"sun: {{at: {at}, lat_deg: 40.4, lon_deg: -3.7}}"
+    path.write_text(f"kind: weather\nid: noon\ntime: day\n{sun}\n")
+    facts = json.loads(advercity("show", path, "--json").out)
+    assert facts["sun's time"].partition(",")[0] == told
+
+
 def test_explain_names_the_line_of_a_value(
     advercity: Command, spec_file: Path, library: Path
 ) -> None:

@@ -8,8 +8,9 @@ from advercity.compiler import (
     explain_spec,
     load_library,
 )
+from advercity.compiler.crossing import compile_library
 from advercity.errors import InputError
-from tests.builders import SMALL_LIBRARY, Compile
+from tests.builders import SMALL_LIBRARY, Compile, write_small_library
 
 
 def test_every_value_of_a_spec_is_explained(library: Path, specs: dict[str, Spec]) -> None:
@@ -22,6 +23,17 @@ def test_every_value_of_a_spec_is_explained(library: Path, specs: dict[str, Spec
     assert origins["weather.fog.mor_m"] == "default"
     assert origins["demand.vehicles"].startswith("rule: ")
     assert all(origins.values())
+
+
+def test_a_sun_by_time_is_explained_by_the_instant(tmp_path: Path) -> None:
+    weather = "kind: weather\nid: clear\ntime: day\nsun: {at: AT, lat_deg: 40, lon_deg: -3.7}\n"
+    noon = weather.replace("AT", "2025-06-21T12:00 Europe/Madrid")
+    path = write_small_library(tmp_path / "library", weather=noon)
+    spec, *_ = compile_library(path)
+    origins = {item.path: item.text for item in explain_spec(spec, load_library(path))}
+    for field in ("elevation_deg", "azimuth_deg"):
+        told = origins[f"weather.sun.{field}"]
+        assert told == f"rule: of 2025-06-21 10:00 UTC, {path}/weather.yaml:4:11"
 
 
 def test_a_changed_library_is_rejected_as_the_origin(

@@ -35,6 +35,49 @@ def test_a_time_without_an_offset_is_of_the_zone_of_its_longitude() -> None:
     assert parse_time("2024-11-22T16:30", -75.7) == parse_time("2024-11-22T21:30Z", 0.0)
 
 
+@pytest.mark.parametrize(
+    ("local", "utc"),
+    [
+        ("2025-06-21T12:00 Europe/Madrid", "2025-06-21T10:00Z"),
+        ("2025-12-21 12:00  Europe/Madrid", "2025-12-21T11:00Z"),
+        ("2025-03-20T06:50 Asia/Kolkata", "2025-03-20T01:20Z"),
+        ("2025-12-21T06:10 Australia/Sydney", "2025-12-20T19:10Z"),
+        ("2025-12-21T06:10 UTC", "2025-12-21T06:10Z"),
+    ],
+)
+def test_a_time_may_be_of_a_zone(local: str, utc: str) -> None:
+    assert parse_time(local, 100.0) == parse_time(utc, 0.0)
+    sun = Sun.model_validate({"at": local, "lat_deg": 10, "lon_deg": 100})
+    assert sun.time_utc == parse_time(utc, 0.0)
+
+
+def test_legal_noon_of_madrid_is_hours_before_the_suns() -> None:
+    """At a declination of 23.44 degrees, 34.2 and 4.2 degrees before the meridian."""
+    madrid = {"lat_deg": 40.4168, "lon_deg": -3.7038}
+    found = [
+        Sun.model_validate({"at": f"2025-06-21T12:00{zone}"} | madrid).elevation_deg
+        for zone in (" Europe/Madrid", "")
+    ]
+    assert found == pytest.approx([56.7, 72.66], abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("at", "message"),
+    [
+        ("2025-06-21T12:00 Europe/Madird", "did you mean 'Europe/Madrid'"),
+        ("2025-06-21T12:00 ../etc/passwd", "is not a time"),
+        ("2025-06-21T12:00 Europe/../../x", "is not a time zone"),
+        ("2025-06-21T12:00+02:00 Europe/Madrid", "has an offset and a time zone"),
+        ("2025-03-30T02:30 Europe/Madrid", "clocks of Europe/Madrid change"),
+        ("2025-10-26T02:30 Europe/Madrid", "give the offset instead"),
+        ("noon Europe/Madrid", "is not a time"),
+    ],
+)
+def test_a_time_of_no_zone_is_refused(at: str, message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        Sun.model_validate({"at": at, "lat_deg": 40, "lon_deg": -3})
+
+
 def test_a_spec_has_the_angles_alone() -> None:
     sun = Sun.model_validate({"at": "2024-06-21T10:00Z", "lat_deg": 49, "lon_deg": 8})
     written = sun.model_dump(mode="json")
