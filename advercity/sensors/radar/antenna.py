@@ -63,6 +63,21 @@ def compute_gain(radar: Radar, directions: FloatArray) -> FloatArray:
     return peak * np.exp2(-off_axis)
 
 
+def compute_two_way_gain(radar: Radar, out: FloatArray, home: FloatArray) -> FloatArray:
+    """Compute the gain of transmitter and receiver together; 0 outside the field of view.
+
+    Args:
+        radar: The sensor.
+        out: (n, 3) unit vectors in which waves leave, radar frame.
+        home: (n, 3) unit vectors from which they arrive, radar frame.
+
+    Returns:
+        (n,) product of both gains.
+    """
+    gain = compute_gain(radar, out) * compute_gain(radar, home)
+    return gain * (is_in_view(radar, out) & is_in_view(radar, home))
+
+
 def is_in_view(radar: Radar, directions: FloatArray) -> NDArray[np.bool_]:
     """Whether unit vectors (n, 3) are in the field of view."""
     azimuth, elevation = np.degrees(compute_angles(directions))

@@ -16,9 +16,8 @@ from advercity.physics.precipitation import ParticleSizeDistribution
 from advercity.sensors.measurements import PointKind
 from advercity.sensors.radar.antenna import (
     compute_angles,
-    compute_gain,
     compute_range_cell_m,
-    is_in_view,
+    compute_two_way_gain,
 )
 from advercity.sensors.radar.conditions import FallingEcho
 from advercity.sensors.radar.paths import Paths
@@ -62,7 +61,7 @@ class FallingClutter:
         solid_angle = np.cos(elevation) * math.radians(radar.azimuth_cell_deg)
         solid_angle = solid_angle * math.radians(radar.elevation_cell_deg)
         section = self.echo.backscatter_per_m * solid_angle * compute_range_cell_m(radar)
-        return compute_gain(radar, direction) ** 2 * section / range_m**2
+        return compute_two_way_gain(radar, direction, direction) * section / range_m**2
 
     def compute_fraction(self, direction: FloatArray, rate_m_s: FloatArray) -> FloatArray:
         """Compute the fraction (n,) of that in a velocity cell."""
@@ -112,7 +111,7 @@ def _build_paths(
     range_m = np.linalg.norm(points, axis=1)
     direction = points / range_m[:, None]
     count, zeros = len(points), np.zeros(len(points), np.float32)
-    strength = compute_gain(radar, direction) ** 2 * section_m2 / range_m**4
+    strength = compute_two_way_gain(radar, direction, direction) * section_m2 / range_m**4
     return Paths(
         direction=direction.astype(np.float32),
         range_m=range_m.astype(np.float32),
@@ -123,4 +122,4 @@ def _build_paths(
         mirrorings=np.zeros(count, np.uint8),
         instance=np.zeros(count, np.int32),
         kind=np.full(count, PointKind.SPRAY, np.uint8),
-    ).select(np.flatnonzero(is_in_view(radar, direction) & (range_m < radar.range_m)))
+    ).select(np.flatnonzero((strength > 0.0) & (range_m < radar.range_m)))

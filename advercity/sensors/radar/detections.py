@@ -215,9 +215,15 @@ class Receiver:
         errors = self._rng.standard_normal((4, len(deviation))) * deviation
         range_m = np.maximum(found.range_m + errors[0] * compute_range_cell_m(radar), MIN_RANGE_M)
         azimuth, elevation = compute_angles(found.direction)
+        azimuth = azimuth + errors[1] * math.radians(radar.azimuth_cell_deg)
+        elevation = elevation + errors[2] * math.radians(radar.elevation_cell_deg)
+        # Angles are found between the beams that a radar forms: none is outside of them.
+        half_azimuth, half_elevation = (
+            math.radians(angle) / 2.0 for angle in (radar.azimuth_fov_deg, radar.elevation_fov_deg)
+        )
         direction = build_directions(
-            azimuth + errors[1] * math.radians(radar.azimuth_cell_deg),
-            elevation + errors[2] * math.radians(radar.elevation_cell_deg),
+            np.clip(azimuth, -half_azimuth, half_azimuth),
+            np.clip(elevation, -half_elevation, half_elevation),
         )
         rate_m_s = self._grid.fold(found.rate_m_s + errors[3] * radar.speed_cell_m_s)
         per_m2 = self._clear_factor * compute_gain(radar, direction) ** 2 / range_m**4

@@ -20,9 +20,8 @@ from advercity.sensors.measurements import PointKind
 from advercity.sensors.radar.antenna import (
     build_ray_fan,
     compute_echo_factor,
-    compute_gain,
     compute_range_cell_m,
-    is_in_view,
+    compute_two_way_gain,
 )
 from advercity.sensors.radar.motion import SceneMotion
 from advercity.sensors.radar.placement import PlacedRadar
@@ -156,7 +155,6 @@ class PathTracer:
         self._rotation, self._origin = pose[:3, :3], pose[:3, 3]
         self._velocity, self._wetness = placed.velocity, wetness
         self._fan = build_ray_fan(radar)
-        self._gain = compute_gain(radar, self._fan.directions)
         self._least_strength = MIN_SNR / compute_echo_factor(radar)
 
     def trace(self) -> SurfacePaths:
@@ -220,14 +218,15 @@ class PathTracer:
         tubes, surfaces = arrival.tubes, arrival.surfaces
         area_per_m2 = self._fan.solid_angle_sr[tubes.ray] / surfaces.cosine
         scattering = surfaces.compute_scattering(tubes.directions, -tubes.directions)
-        gain = self._gain[tubes.ray]
+        direction = self._fan.directions[tubes.ray]
+        gain = compute_two_way_gain(self._radar, direction, direction)
         return self._build(
             arrival,
             np.arange(len(tubes.ray)),
-            direction=self._fan.directions[tubes.ray],
+            direction=direction,
             range_m=tubes.length_m,
             rate_m_s=tubes.rate_m_s,
-            strength=(gain * tubes.power) ** 2 * scattering * area_per_m2 / tubes.length_m**2,
+            strength=gain * tubes.power**2 * scattering * area_per_m2 / tubes.length_m**2,
             detour_m=2.0 * (tubes.length_m - arrival.back_m),
             mirrorings=0 if is_direct else 2,
         )
@@ -235,17 +234,15 @@ class PathTracer:
     def _scatter_home(self, arrival: _Arrival) -> Iterator[Paths]:
         """Scatter directly to the radar after mirrors, and the same path in the other direction."""
         tubes, surfaces = arrival.tubes, arrival.surfaces
-        home = (-arrival.back @ self._rotation).astype(np.float32)
+        out, home = self._fan.directions[tubes.ray], self._locate_home(arrival)
         scattering = surfaces.compute_scattering(tubes.directions, arrival.back)
-        gain = (
-            self._gain[tubes.ray] * compute_gain(self._radar, home) * is_in_view(self._radar, home)
-        )
+        gain = compute_two_way_gain(self._radar, out, home)
         area = self._fan.solid_angle_sr[tubes.ray] / surfaces.cosine
         strength = gain * tubes.power * scattering * area / arrival.back_m**2
         rows = np.flatnonzero(strength > 0.0)
         rows = rows[self._is_free(arrival, rows)]
         rate = tubes.rate_m_s + self._rate_home(arrival)
-        for direction in (home, self._fan.directions[tubes.ray]):
+        for direction in (home, out):
             yield self._build(
                 arrival,
                 rows,
@@ -269,19 +266,24 @@ class PathTracer:
         power = tubes.power[rows] * surfaces.compute_mirror_power()[rows]
         first, last = FADING_ANGLES
         fading = np.cos(math.pi / 2.0 * np.clip((off[rows] - first) / (last - first), 0.0, 1.0))
-        root = self._gain[ray] * np.sqrt(4.0 * math.pi * power) / WAVELENGTH_M
+        home = self._locate_home(arrival)
+        gain = compute_two_way_gain(self._radar, self._fan.directions[ray], home[rows])
+        root = np.sqrt(gain) * np.sqrt(4.0 * math.pi * power) / WAVELENGTH_M
         phase = np.exp(-1j * WAVENUMBER_PER_M * (length_m + back_m))
         field = np.zeros(len(tubes.ray), np.complex64)
         field[rows] = root * section_m2 * spread * fading**2 * phase / (length_m * back_m)
-        mean = self._fan.directions[tubes.ray] - arrival.back @ self._rotation
         return self._build(
             arrival,
             rows,
-            direction=mean / np.linalg.norm(mean, axis=1, keepdims=True),
+            direction=home,
             range_m=(tubes.length_m + arrival.back_m) / 2.0,
             rate_m_s=(tubes.rate_m_s + self._rate_home(arrival)) / 2.0,
             field=field,
         )
+
+    def _locate_home(self, arrival: _Arrival) -> FloatArray:
+        """Compute the directions (n, 3) in the radar's frame from which the last leg arrives."""
+        return (-arrival.back @ self._rotation).astype(np.float32)
 
     def _rate_home(self, arrival: _Arrival) -> Float64Array:
         """Compute the rate (n,) at which the straight path to the radar grows."""

@@ -157,9 +157,9 @@ class LeftOut(Model):
 
     name: Annotated[str, StringConstraints(min_length=1, max_length=200)]
     """Name of the parts."""
-    count: Annotated[int, Field(ge=1)]
+    count: Annotated[int, Field(ge=1, le=1_000_000_000)]
     """Number of the parts."""
-    line: Annotated[int, Field(ge=0)] = Field(default=0, exclude_if=lambda line: line == 0)
+    line: Annotated[int, Field(ge=0, le=1_000_000_000)] = Field(default=0, exclude_if=lambda line: line == 0)
     """Line of the first part in its file; 0 where the format has no lines."""
 
 

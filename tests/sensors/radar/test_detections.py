@@ -214,6 +214,47 @@ def test_a_mirror_shows_a_ghost_of_a_car_behind_it() -> None:
     assert np.abs(behind[:, 0] - 18.5).min() < 3
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_every_detection_is_in_view_and_no_larger_than_a_lorry(seed: int) -> None:
+    """In a yard of metal, whose walls and cars mirror each other's echoes from all sides."""
+    draw = np.random.default_rng(seed)
+    walls = [
+        build_box(
+            (30, 0.1, 4),
+            (draw.uniform(-20, 30), side * draw.uniform(3, 12), 2),
+            material="sign_blue",
+        )
+        for side in (-1, -1, 1, 1)
+    ]
+    walls += [
+        build_box((0.1, 40, 4), (x, 0, 2), material="sign_blue")
+        for x in (draw.uniform(-9, -2), draw.uniform(20, 40))
+    ]
+    cars = [
+        make_actor_state(number, *draw.uniform((4, -8), (40, 8)), yaw_rad=draw.uniform(-3, 3))
+        for number in range(1, 9)
+    ]
+
+    found = scan(
+        *(WIDE, *ROAD, *walls),
+        frame=make_frame(*cars),
+        bodies={"car": CAR},
+        pose=BUMPER,
+        air=derive_air({"rain": {"rate_mm_h": 50}}),
+        key=seed,
+    ).detections
+
+    x, y, z = found.points.T.astype(float)
+    azimuth_deg, elevation_deg = (
+        np.degrees(np.arctan2(y, x)),
+        np.degrees(np.arctan2(z, np.hypot(x, y))),
+    )
+    assert (found.kind == PointKind.GHOST).sum() > 10
+    assert np.abs(azimuth_deg).max() <= WIDE.azimuth_fov_deg / 2 + 1e-3
+    assert np.abs(elevation_deg).max() <= WIDE.elevation_fov_deg / 2 + 1e-3
+    assert found.rcs_dbsm.max() < 60
+
+
 def test_the_road_lets_a_target_fade_with_its_height() -> None:
     def section_dbsm(height_m: float, *ground: Mesh) -> float:
         target = build_box((0.2, 1.0, 0.05), (60, 0.4, height_m), material="car_paint_red")
