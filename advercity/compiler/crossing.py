@@ -1,5 +1,6 @@
 """Compilation of suites: crossing roads, weathers and densities into specs."""
 
+import logging
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping
@@ -31,19 +32,27 @@ from advercity.compiler.scenarios import (
 )
 from advercity.compiler.shipped_library import find_shipped_library
 from advercity.compiler.spec_files import read_spec
-from advercity.compiler.suite_conflicts import CrashGroups, select_conflicts, solve_road_conflicts
+from advercity.compiler.suite_conflicts import (
+    CrashGroups,
+    UnstageableError,
+    build_refusal_diagnostic,
+    select_conflicts,
+    solve_road_conflicts,
+)
 from advercity.compiler.suites import (
     ResolvedSuite,
     check_demand,
     check_resolved_suite,
     find_required_categories,
     is_selected,
+    list_left_out,
     resolve_suite,
 )
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.errors import InputError
 from advercity.texture_packs import TEXTURE_PACKS
 
+_logger = logging.getLogger(__name__)
 ResultT = TypeVar("ResultT")
 MAX_SPECS = 100_000
 """Number of scenarios that a suite may cross to; their specs take gigabytes."""
@@ -89,10 +98,11 @@ def find_suite(library: Library, *folders: Path, suite: str | None = None) -> Su
 
 
 def validate_paths(*paths: Path) -> str:
-    """Validate specs, declarations, and libraries with all their suites.
+    """Validate specs, declarations, and libraries with their suites.
 
     Libraries and declarations are one library, as when they are compiled; declarations without
-    any library are validated one by one.
+    any library are validated one by one. Suites that ship are validated where no others are: they
+    select from all declarations, so they are of no use with those that you add.
 
     Returns:
         What was checked: numbers of specs, declarations and scenarios.
@@ -126,7 +136,8 @@ def _validate_declaration(path: Path) -> tuple[int, int]:
 
 def _validate_library(*folders: Path) -> tuple[int, int]:
     library = load_library(*folders)
-    suites = library.get_declarations(Suite).values()
+    declared = library.get_declarations(Suite).values()
+    suites = [suite for suite in declared if not library.is_shipped(suite)] or declared
     check_references(library, suites)
     compiled = _run_checks([partial(compile_suite, library, suite) for suite in suites])
     return len(library.entries), sum(map(len, compiled))
@@ -175,6 +186,8 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
     resolved = resolve_suite(library, suite)
     groups = _assign_crash_groups(library, suite, resolved.roads)
     check_resolved_suite(library, suite, resolved)
+    for line in list_left_out(library, suite, resolved):
+        _logger.warning("%s", line)
     scenarios = _build_scenarios(library, suite, resolved, groups, require_sun=require_sun)
     by_traffic = {inputs.traffic_key: inputs for inputs in scenarios}
     _run_checks(
@@ -211,12 +224,11 @@ def _solve_conflicts(
     """Solve the conflicts of scenarios by what their traffic depends on, and time lights.
 
     Solving is slow and ignores the weather: it is done once per road, density, sweep step and
-    repeat. Of a road with agents at several junctions, those are left out where a crossed conflict
-    cannot be.
+    repeat. Where a crossed conflict has no place, it is left out, with a warning that says why.
     """
     solved: dict[TrafficKey, tuple[tuple[StagedConflict, ...], Road]] = {}
     errors: list[Diagnostic] = []
-    refused: list[Diagnostic] = []
+    refusals: list[UnstageableError] = []
     for key, inputs in scenarios.items():
         try:
             solved[key] = solve_road_conflicts(
@@ -228,13 +240,28 @@ def _solve_conflicts(
                 ego=find_ego_blueprint(suite, inputs),
                 repeat_key=inputs.repeat_key,
             )
-        except DiagnosticsError as error:
-            is_declared = library.find_declared_id(inputs.road.id) == inputs.road.id
-            may_be_left_out = not is_declared and inputs.conflicts.crossed is not None
-            (refused if may_be_left_out else errors).extend(error.diagnostics)
-    if errors or (refused and not solved):
-        raise DiagnosticsError(*(errors or refused))
+        except UnstageableError as refusal:
+            if _may_be_left_out(library, inputs, refusal):
+                refusals.append(refusal)
+            else:
+                errors.append(build_refusal_diagnostic(library, suite, refusal))
+    if refusals and not solved:
+        errors += (build_refusal_diagnostic(library, suite, refusal) for refusal in refusals)
+    if errors:
+        raise DiagnosticsError(*errors)
+    for line in dict.fromkeys(map(str, refusals)):
+        _logger.warning("%s", line)
     return solved
+
+
+def _may_be_left_out(library: Library, inputs: ScenarioInputs, refusal: UnstageableError) -> bool:
+    """Return whether a suite may go without a conflict on a road.
+
+    A conflict of the author's own has to fit the roads that are declared one by one.
+    """
+    is_variant = library.find_declared_id(inputs.road.id) != inputs.road.id
+    may_not_fit = is_variant or library.is_shipped(refusal.conflict)
+    return may_not_fit and inputs.conflicts.crossed is not None
 
 
 def _build_scenarios(

@@ -126,6 +126,11 @@ class Library:
         entry = self.entries[get_declaration_kind(declaration), declaration.id]
         return cast(LibraryEntry[DeclarationT], entry)
 
+    def is_shipped(self, declaration: Declaration) -> bool:
+        """Return whether a declaration is in the library that ships with advercity."""
+        path = self.find_entry(declaration).source.document.path
+        return path.resolve().is_relative_to(find_shipped_library().resolve())
+
     def build_diagnostic(
         self,
         declaration: Declaration,

@@ -1,5 +1,6 @@
 """Select, match and solve the conflicts that a suite's scenarios stage, with diagnostics."""
 
+import logging
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,12 +11,18 @@ from advercity_dsl.spec import CrashGroup
 from advercity.compiler.library import Library
 from advercity.conflicts.binding import Binding, match_conflict, with_ego_manoeuvre
 from advercity.conflicts.case import UnsolvableError
-from advercity.conflicts.checks import compute_first_event_s, find_crowding, find_infeasibility
+from advercity.conflicts.checks import (
+    Finding,
+    compute_first_event_s,
+    find_crowding,
+    find_infeasibility,
+)
 from advercity.conflicts.ego_motion import EgoDrive, build_ego_drive
 from advercity.conflicts.solver import solve_conflict
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.errors import InputError
 
+_logger = logging.getLogger(__name__)
 CrashGroups = Mapping[str, tuple[CrashGroup, ...]]
 
 
@@ -37,6 +44,20 @@ class RoadConflicts:
     def drive(self) -> EgoDrive:
         """The ego's drive, which takes a second to predict."""
         return build_ego_drive(self.road)
+
+
+class UnstageableError(Exception):
+    """A conflict cannot be staged on a road.
+
+    Attributes:
+        road: The road.
+        conflict: The conflict.
+        finding: Why not.
+    """
+
+    def __init__(self, road: Road, conflict: Conflict, finding: Finding) -> None:
+        super().__init__(f"{road.id}: cannot stage {conflict.id}: {finding.message}")
+        self.road, self.conflict, self.finding = road, conflict, finding
 
 
 Turns = tuple[RoadConflicts, ...]
@@ -73,7 +94,8 @@ def solve_road_conflicts(
         The conflicts, and the road with lights timed for them.
 
     Raises:
-        DiagnosticsError: One cannot be solved on its road.
+        DiagnosticsError: A conflict stages crash types of several groups.
+        UnstageableError: One cannot be solved on its road.
     """
     if cell.road.trajectories is not None:
         return (), cell.road
@@ -96,25 +118,42 @@ def solve_road_conflicts(
                 not_before_s=compute_first_event_s(suite.timing),
             )
         except (UnsolvableError, InputError) as error:
-            message = f"cannot be staged on '{cell.road.id}': {error}"
-            raise DiagnosticsError(
-                library.build_diagnostic(conflict, "id", message=message)
-            ) from None
+            finding = Finding(("id",), str(error), "")
+            raise UnstageableError(cell.road, conflict, finding) from None
         if road is not drive.road:
             drive = build_ego_drive(road)
         finding = find_infeasibility(conflict, drive, density, solution) or find_crowding(
             solution, solutions, suite.timing
         )
         if finding is not None:
-            raise DiagnosticsError(
-                library.build_diagnostic(
-                    conflict, *finding.field, message=finding.message, hint=finding.hint
-                )
-            )
+            raise UnstageableError(cell.road, conflict, finding)
         solutions.append(solution)
         if solution.resolved_by == "nobody":
             break  # the scenario ends with the collision
     return tuple(solutions), drive.road
+
+
+def build_refusal_diagnostic(
+    library: Library, suite: Suite, refusal: UnstageableError
+) -> Diagnostic:
+    """Build a diagnostic in the suite, or in the conflict if that does not ship."""
+    conflict, finding = refusal.conflict, refusal.finding
+    message = f"cannot be staged on '{refusal.road.id}': {finding.message}"
+    if not library.is_shipped(conflict):
+        return library.build_diagnostic(
+            conflict, *finding.field, message=message, hint=finding.hint
+        )
+    road = library.find_declared_id(refusal.road.id)
+    staged = suite.stage.get(road, ())
+    if conflict.id in suite.cross_conflicts:
+        at = ("cross_conflicts", suite.cross_conflicts.index(conflict.id))
+    elif conflict.id in staged:
+        at = ("stage", road, staged.index(conflict.id))
+    else:
+        at = ("cross_conflicts",)
+    hint = "choose another conflict or road" if finding.field != ("id",) else finding.hint
+    message = f"'{conflict.id}' {message}"
+    return library.build_diagnostic(suite, *at, message=message, hint=hint)
 
 
 def find_typology(library: Library, conflict: Conflict) -> str:
@@ -190,7 +229,10 @@ def _find_unstaged_groups(
     }
     for name in sorted((wanted & stageable) - staged):
         message = f"'{road.id}' is selected for {name}, which none of its conflicts stages"
-        hint = "add one of that group's conflicts"
+        hint = (
+            "add one of that group's conflicts, or stage single ones with"
+            f" `cross_conflicts: [{', '.join(item.id for item in conflicts)}]` instead"
+        )
         yield library.build_diagnostic(suite, "stage", declared_id, message=message, hint=hint)
     for name in sorted(staged - wanted):
         message = f"no selected group calls for {name} on '{road.id}'"
@@ -203,16 +245,28 @@ def _select_crossed(
 ) -> list[RoadConflicts]:
     declared = library.get_declarations(Conflict)
     wanted = tuple(declared) if suite.cross_conflicts == "all" else suite.cross_conflicts
-    found = [
-        RoadConflicts(moved, (conflict,), crossed=conflict)
-        for road in roads.values()
-        for conflict in map(declared.__getitem__, wanted)
-        if _match_conflict(library, conflict, road, groups).standing in suite.standings
-        and (moved := with_ego_manoeuvre(road, conflict)) is not None
-    ]
+    found: list[RoadConflicts] = []
+    misfits: list[str] = []
+    for road in roads.values():
+        for conflict in map(declared.__getitem__, wanted):
+            binding = _match_conflict(library, conflict, road, groups)
+            fits = binding.standing in suite.standings
+            moved = with_ego_manoeuvre(road, conflict) if fits else None
+            if moved is not None:
+                found.append(RoadConflicts(moved, (conflict,), crossed=conflict))
+            else:
+                misfits.append(f"{road.id}: cannot stage {conflict.id}: {_explain(binding)}")
     if not found:
         raise DiagnosticsError(*_describe_misfits(library, suite, roads, groups, wanted))
+    # `all` asks for those that fit.
+    for line in misfits if suite.cross_conflicts != "all" else ():
+        _logger.warning("%s", line)
     return found
+
+
+def _explain(binding: Binding) -> str:
+    standing = f"it is of standing '{binding.standing}', which `standings` does not select"
+    return binding.reason or standing
 
 
 def _describe_misfits(
@@ -236,11 +290,7 @@ def _describe_misfits(
     hint = f"these fit: {', '.join(fitting)}" if fitting else "select other roads"
     for index, name in enumerate(wanted):
         bindings = {road_id: match(name, road) for road_id, road in roads.items()}
-        reasons = {
-            road_id: binding.reason
-            or f"it is of standing '{binding.standing}', which `standings` does not select"
-            for road_id, binding in bindings.items()
-        }
+        reasons = {road_id: _explain(binding) for road_id, binding in bindings.items()}
         why = "; ".join(
             f"{reason} ({', '.join(key for key, other in reasons.items() if other == reason)})"
             for reason in dict.fromkeys(reasons.values())

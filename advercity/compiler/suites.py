@@ -141,6 +141,21 @@ class ResolvedSuite:
     reaction_weather: Weather | None
 
 
+def list_left_out(library: Library, declared: Suite, suite: ResolvedSuite) -> Iterator[str]:
+    """List what of a suite has no effect: junctions where agents cannot be, roads not selected."""
+    entries = {
+        library.find_declared_id(road.id): library.find_entry(road) for road in suite.roads.values()
+    }
+    for name, entry in entries.items():
+        for junction, reason in entry.left_out.items():
+            yield f"{name}: no agents at {junction}: {reason}"
+    document = library.find_entry(declared).source.document
+    for name in declared.stage:
+        # A suite that extends another may select fewer roads than that one stages conflicts on.
+        if name not in entries and document.has_value(("stage", name)):
+            yield f"{declared.id}: stages nothing on '{name}', which `roads` does not select"
+
+
 def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
     """Find the declarations that a suite names; `check_references` has found that they exist."""
 

@@ -13,6 +13,7 @@ from pydantic import (
 )
 
 from advercity_dsl.base import (
+    ID_PATTERN,
     ByName,
     Declaration,
     Id,
@@ -29,7 +30,9 @@ from advercity_dsl.units import Count, Flag, Metres, Number, Percent, Seconds
 def _check_selection(value: object) -> object:
     if isinstance(value, str) and value != "all":
         message = f"'{value[:40]}' is neither `all` nor a list of ids"
-        raise InvalidCombination((), message, f"write [{value[:40]}]")
+        is_id = re.fullmatch(ID_PATTERN, value) is not None
+        hint = f"write [{value}]" if is_id else "list every id: [first_id, second_id]"
+        raise InvalidCombination((), message, hint)
     return value
 
 
