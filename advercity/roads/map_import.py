@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -20,12 +21,13 @@ from advercity.roads.imported_crossings import (
 )
 from advercity.roads.map_files import read_map_file
 from advercity.roads.map_names import get_map_id, read_street_names, rename_network
+from advercity.roads.map_plan import MapPlan
 from advercity.roads.network_file import SumoLane, SumoNetwork, parse_network
 from advercity.roads.opendrive_junctions import add_outlines, detach_connecting_roads
-from advercity.roads.osm_map import REMOVED_TYPE, OsmMap, add_sidewalks, mark_paths
-from advercity.roads.osm_roundabouts import round_roundabouts
+from advercity.roads.osm_map import REMOVED_TYPE
+from advercity.roads.osm_plan import plan_extract
 from advercity.roads.sumo_network import run_netconvert
-from advercity.roads.sumo_plan import NetworkPlan, plan_network
+from advercity.roads.sumo_plan import plan_network
 from advercity.roads.sumo_xml import pack_network, sanitize_network
 
 EARTH_RADIUS_M = 6_371_000.0
@@ -56,8 +58,10 @@ OPENDRIVE_OPTIONS = {
     "polygon-output": OBJECTS_FILE,
 }
 WALKED_CLASSES = "passenger,pedestrian"
+NO_PROJECTION = "!"
 OSM_OPTIONS = {
     "osm-files": "map.xml",
+    "proj": NO_PROJECTION,
     # netconvert makes the sidewalk at the left of a one-way street an edge of its own.
     "keep-edges.by-vclass": WALKED_CLASSES,
     "remove-edges.by-type": REMOVED_TYPE,
@@ -91,22 +95,14 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     """
     found = read_map_file(declared, folder)
     ledger = Ledger()
-    plan = _plan_network(declared, found.root, ledger) if declared.source == "sumo" else None
-    root = plan.root if plan else found.root
-    options = _build_import_options(declared, road, root)
+    plan = _plan_map(found.root, declared, road, ledger)
+    options = _build_import_options(declared, road, plan.root)
     if declared.extent_m is not None:
-        is_mirrored = plan is not None and plan.driving_side == "left"
+        is_mirrored = plan.driving_side == "left"
         options["keep-edges.in-boundary"] = _format_extent(declared.extent_m, is_mirrored)
-    if declared.source == "osm":
-        round_roundabouts(found.root)
-        mark_paths(found.root, _find_ways_of_cars(found.root, options, declared))
-        if road.land_use == "urban":
-            add_sidewalks(OsmMap.around(road, found.root))
-    converted = _convert(root, options, declared)
+    converted = _convert(plan.root, options, declared)
     _check_lanes(_parse_converted(converted, declared), declared)
-    marked = take_crosswalks(converted)
-    if declared.source == "osm":
-        marked = OsmMap.around(road, found.root).list_points("highway", "crossing")
+    marked = [*plan.crossings, *take_crosswalks(converted)]
     if marked:
         converted = _keep_marked_crossings(converted, declared, marked)
     net = sanitize_network(converted)
@@ -119,16 +115,23 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
         source=declared.source,
         sha256=found.sha256,
         network=pack_network(net),
-        driving_side=plan.driving_side if plan else "right",
+        driving_side=plan.driving_side,
         left_out=ledger.left_out,
     )
 
 
-def _plan_network(declared: MapFile, root: Element, ledger: Ledger) -> NetworkPlan:
-    try:
-        return plan_network(root, ledger)
-    except InputError as error:
-        raise InputError(f"{declared.file}: {error}") from None
+def _plan_map(root: Element, declared: MapFile, road: Road, ledger: Ledger) -> MapPlan:
+    match declared.source:
+        case "osm":
+            _check_places(declared, road, root)
+            return plan_extract(root, road, declared, partial(_find_streets, declared), ledger)
+        case "sumo":
+            try:
+                return plan_network(root, ledger)
+            except InputError as error:
+                raise InputError(f"{declared.file}: {error}") from None
+        case "opendrive":
+            return MapPlan(root)
 
 
 def _parse_converted(net: Element, declared: MapFile) -> SumoNetwork:
@@ -165,10 +168,10 @@ def _check_lanes(network: SumoNetwork, declared: MapFile) -> None:
         )
 
 
-def _find_ways_of_cars(root: Element, options: Mapping[str, str], declared: MapFile) -> set[str]:
+def _find_streets(declared: MapFile, plan: Element) -> set[str]:
     """Find the ids of the ways that cars may use, as netconvert reads their tags."""
-    plain = {name: options[name] for name in ("osm-files", "proj")}
-    found = _convert(root, plain | {"keep-edges.by-vclass": "passenger"}, declared)
+    options = {"osm-files": "map.xml", "keep-edges.by-vclass": "passenger", "proj": NO_PROJECTION}
+    found = _convert(plan, options, declared)
     return {get_map_id(item.attrib["id"]) for item in found.iter("edge")}
 
 
@@ -220,7 +223,7 @@ def _build_import_options(declared: MapFile, road: Road, root: Element) -> dict[
         case "opendrive":
             options |= OPENDRIVE_OPTIONS
         case "osm":
-            options |= OSM_OPTIONS | {"proj": _build_projection(declared, road, root)}
+            options |= OSM_OPTIONS
         case "sumo":
             options |= SUMO_OPTIONS
     return options
@@ -233,8 +236,8 @@ def _format_extent(extent_m: tuple[Point2, Point2], is_mirrored: bool) -> str:
     return ",".join(f"{value:.3f}" for value in box)
 
 
-def _build_projection(declared: MapFile, road: Road, root: Element) -> str:
-    """Build a transverse Mercator projection: metres east and north of the road's origin."""
+def _check_places(declared: MapFile, road: Road, root: Element) -> None:
+    """Check that an extract's nodes are on the globe, and near the road's origin."""
     try:
         nodes = [
             (float(item.attrib["lat"]), float(item.attrib["lon"])) for item in root.iter("node")
@@ -258,10 +261,6 @@ def _build_projection(declared: MapFile, road: Road, root: Element) -> str:
             f"{declared.file}: is {away / 1000:.0f} km from the road's origin; declare"
             f" `origin_lat_deg: {latitude:.5f}` and `origin_lon_deg: {longitude:.5f}`, its middle"
         )
-    return (
-        f"+proj=tmerc +lat_0={road.origin_lat_deg:.9f} +lon_0={road.origin_lon_deg:.9f}"
-        " +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs"
-    )
 
 
 def _find_first_error(messages: str) -> str:

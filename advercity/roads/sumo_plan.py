@@ -1,13 +1,12 @@
 """SUMO networks of others as netconvert takes them: traffic on the right, and nothing unsafe."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal
 from xml.etree.ElementTree import Element
 
 from advercity.errors import InputError
 from advercity.foreign.ledger import Ledger
 from advercity.foreign.standards import load_standard
+from advercity.roads.map_plan import MapPlan
 from advercity.roads.sumo_xml import sanitize_network
 
 TRUE_WORDS = ("true", "True", "yes", "on", "1", "x")
@@ -15,20 +14,7 @@ TRUE_WORDS = ("true", "True", "yes", "on", "1", "x")
 SHAPES = ("shape", "outlineShape")
 
 
-@dataclass(frozen=True, eq=False)
-class NetworkPlan:
-    """A network in the plan frame: east and north, or east and south if traffic is on the left.
-
-    Attributes:
-        root: The network, sanitised.
-        driving_side: Side on which traffic drives in the world.
-    """
-
-    root: Element
-    driving_side: Literal["left", "right"]
-
-
-def plan_network(root: Element, ledger: Ledger) -> NetworkPlan:
+def plan_network(root: Element, ledger: Ledger) -> MapPlan:
     """Lay out a network of somebody else in the plan.
 
     SUMO counts the lanes of a network with traffic on the left from the left; mirrored, they are
@@ -46,9 +32,9 @@ def plan_network(root: Element, ledger: Ledger) -> NetworkPlan:
     net = sanitize_network(root, for_netconvert=True)
     _keep_last_programs(net, ledger)
     if root.get("lefthand") not in TRUE_WORDS:
-        return NetworkPlan(net, "right")
+        return MapPlan(net, "right")
     mirror_network(net)
-    return NetworkPlan(net, "left")
+    return MapPlan(net, "left")
 
 
 def mirror_network(net: Element) -> None:

@@ -150,6 +150,15 @@ class MapFile(Model):
     """SHA-256 of the file; a map with another one is rejected."""
     extent_m: tuple[Point2, Point2] | None = None
     """Two opposite corners of a rectangle; roads entirely outside are omitted."""
+    driving_side: Literal["left", "right"] | None = Field(default=None, exclude_if=is_none)
+    """Side of the road on which traffic drives in an OpenStreetMap map; by default as its ways say,
+    or else as is usual in the country."""
+
+    @model_validator(mode="after")
+    def _check_driving_side(self) -> Self:
+        if self.driving_side is not None and self.source != "osm":
+            raise ValueError("`driving_side` is for OpenStreetMap maps; others say it themselves")
+        return self
 
 
 class LeftOut(Model):
@@ -159,7 +168,9 @@ class LeftOut(Model):
     """Name of the parts."""
     count: Annotated[int, Field(ge=1, le=1_000_000_000)]
     """Number of the parts."""
-    line: Annotated[int, Field(ge=0, le=1_000_000_000)] = Field(default=0, exclude_if=lambda line: line == 0)
+    line: Annotated[int, Field(ge=0, le=1_000_000_000)] = Field(
+        default=0, exclude_if=lambda line: line == 0
+    )
     """Line of the first part in its file; 0 where the format has no lines."""
 
 
