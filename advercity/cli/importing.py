@@ -132,8 +132,8 @@ def trajectories(
 ) -> None:
     """Make scenarios of a table of trajectories.
 
-    Reads the layouts of inD and INTERACTION, and one of its own: id, class, time_s, x_m, y_m,
-    heading_deg, length_m, width_m, height_m.
+    Reads the layouts of inD, highD and INTERACTION, and one of its own: id, class, time_s, x_m,
+    y_m, heading_deg, length_m, width_m, height_m.
     """
     from advercity.compiler.recorded_roads import load_recorded_table, write_recorded_road
 

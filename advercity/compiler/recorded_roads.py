@@ -25,6 +25,7 @@ from advercity.compiler.spec_files import check_spec_files
 from advercity.compiler.suites import CONNECTED_CLASSES
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.errors import InputError, report_write_errors
+from advercity.foreign.ledger import Ledger
 from advercity.output_files import open_output_folder
 from advercity.recordings.bodies import select_blueprint
 from advercity.recordings.openscenario import read_scenario
@@ -91,7 +92,8 @@ class ReplayChoice:
 
 def load_recorded_table(path: Path) -> Recording:
     """Load a table of trajectories; InputError if it cannot be used."""
-    return Recording(path, read_recording(path))
+    ledger = Ledger()
+    return Recording(path, read_recording(path, ledger), left_out=ledger.left_out)
 
 
 def load_recorded_scenario(path: Path) -> Recording:

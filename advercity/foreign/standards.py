@@ -19,7 +19,7 @@ What is below an element that is left out is left out with it.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -57,6 +57,16 @@ class Standard:
             InputError: A part is refused.
         """
         self._audit_element(root, (root.tag,), ledger)
+
+    def audit_columns(self, layout: str, columns: Iterable[str], ledger: Ledger) -> None:
+        """Record the columns of a table that are left out; its layout is a row of this standard."""
+        row = self.elements[layout]
+        for column in columns:
+            if column in row:
+                _leaves_out(row[column], "", 1, ledger)
+            else:
+                name = _shorten(column)
+                ledger.leave_out(f"column {name}", plural=f"columns {name}", at=1)
 
     def find_row(self, tags: tuple[str, ...]) -> Mapping[str, str] | None:
         """Find the row of an element by its tag and those around it, the outermost first."""
@@ -101,15 +111,15 @@ def is_disposition(text: str) -> bool:
     return text in ("read", "none") or bool(LEFT_OUT.fullmatch(text) or REFUSED.fullmatch(text))
 
 
-def _leaves_out(disposition: str, value: str, element: Element, ledger: Ledger) -> bool:
+def _leaves_out(disposition: str, value: str, at: Element | int, ledger: Ledger) -> bool:
     refused = REFUSED.fullmatch(disposition)
-    if refused:
-        raise InputError(f"line {get_line(element)}: <{element.tag}>: {refused['reason']}")
+    if refused and not isinstance(at, int):
+        raise InputError(f"line {get_line(at)}: <{at.tag}>: {refused['reason']}")
     left_out = LEFT_OUT.fullmatch(disposition)
     if left_out is None or _is_usual(value.strip(), left_out["usual"]):
         return False
     singular, _, plural = (part.strip() for part in left_out["name"].partition("|"))
-    ledger.leave_out(singular, plural=plural, at=element)
+    ledger.leave_out(singular, plural=plural, at=at)
     return True
 
 

@@ -5,15 +5,20 @@ Own layout: `id`, `class`, `time_s`, `x_m`, `y_m`, `heading_deg`, `length_m`, `w
 inD, rounD, uniD, exiD: `NN_tracks.csv` with `NN_tracksMeta.csv` and `NN_recordingMeta.csv` (Bock et
 al., The inD Dataset, IV 2020). Place and heading (degrees, counter-clockwise) are of the box.
 
+highD: files of the same names (Krajewski et al., The highD Dataset, ITSC 2018). A place is the
+upper left corner of the box in the image, y down, and `width` is the length of the vehicle,
+`height` its width. The heading is that of the motion.
+
 INTERACTION: `vehicle_tracks_NNN.csv` and `pedestrian_tracks_NNN.csv` (Zhan et al.,
 arXiv:1910.03088). Heading is in radians, counter-clockwise; people and bicycles have none.
 
-All are right-handed, x east, y north.
+All but highD are right-handed, x east, y north.
 """
 
+import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import get_args
 
@@ -23,12 +28,17 @@ from advercity_dsl.base import suggest_name
 from numpy.typing import NDArray
 
 from advercity.diagnostics import Diagnostic, DiagnosticsError
+from advercity.foreign.ledger import Ledger
+from advercity.foreign.standards import load_standard
 from advercity.recordings.tables import Table, read_head, read_table
 from advercity.recordings.tracks import BadSampleError, Track, check_samples, derive_headings
 
 OWN_COLUMNS = ("id", "class", "time_s", "x_m", "y_m")
 OWN_OPTIONAL = ("heading_deg", "length_m", "width_m", "height_m")
 IND_COLUMNS = ("trackId", "frame", "xCenter", "yCenter", "heading", "width", "length")
+HIGHD_COLUMNS = ("id", "frame", "x", "y", "width", "height")
+LEFTWARD = "1"
+"""`drivingDirection` of vehicles on the upper lanes of highD's image."""
 INTERACTION_COLUMNS = ("track_id", "timestamp_ms", "agent_type", "x", "y")
 INTERACTION_OPTIONAL = ("psi_rad", "length", "width")
 CLASSES: Mapping[str, ActorClass] = {
@@ -63,6 +73,7 @@ class _Samples:
         headings_rad: (n,) NaN where there is none.
         sizes: (n, 3) 0 where there is none.
         columns: Names of the columns of id, class, time and x, for messages.
+        at_rest_rad: Heading by track of what never moves, where there is none; 0 if not given.
     """
 
     table: Table
@@ -73,32 +84,50 @@ class _Samples:
     headings_rad: NDArray[np.float64]
     sizes: NDArray[np.float64]
     columns: tuple[str, str, str, str]
+    at_rest_rad: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
-def read_recording(path: Path) -> list[Track]:
+@dataclass(frozen=True)
+class Layout:
+    """A published layout of columns.
+
+    Attributes:
+        name: Its name, also that of its row in the table of columns.
+        marks: Columns that tell it from the others.
+        columns: Columns that it must have.
+        read: Reads a table of it.
+    """
+
+    name: str
+    marks: frozenset[str]
+    columns: Sequence[str]
+    read: Callable[[Path], list[Track]]
+
+
+def read_recording(path: Path, ledger: Ledger | None = None) -> list[Track]:
     """Read the tracks of a table, in the order in which it names them first.
+
+    Args:
+        path: The table.
+        ledger: Takes the columns that are left out.
 
     Raises:
         InputError: It is of no known layout, or a row cannot be used.
     """
     head = read_head(path)
-    if {"trackId", "xCenter"} <= {*head}:
-        return _build_tracks(_read_ind(path))
-    if {"track_id", "timestamp_ms"} <= {*head}:
-        return [track for part in _list_interaction_files(path) for track in _read_part(part)]
-    if {"x_m", "y_m"} & {*head}:
-        return build_own_tracks(read_table(path, OWN_COLUMNS, OWN_OPTIONAL))
-    layouts = "; ".join(
-        f"{name}: {', '.join(columns)}"
-        for name, columns in (
-            ("own", OWN_COLUMNS),
-            ("inD", IND_COLUMNS),
-            ("INTERACTION", INTERACTION_COLUMNS),
-        )
-    )
-    message, hint = "has the columns of no known layout", f"rename them ({layouts})"
-    text = ",".join(head)
-    raise DiagnosticsError(Diagnostic(path, 1, 1, "", message, hint, text, len(text)))
+    layout = next((item for item in LAYOUTS if item.marks <= {*head}), None)
+    if layout is None:
+        known = "; ".join(f"{item.name}: {', '.join(item.columns)}" for item in LAYOUTS)
+        message, hint = "has the columns of no known layout", f"rename them ({known})"
+        text = ",".join(head)
+        raise DiagnosticsError(Diagnostic(path, 1, 1, "", message, hint, text, len(text)))
+    if ledger is not None:
+        load_standard("recorded_tables").audit_columns(layout.name, head, ledger)
+    return layout.read(path)
+
+
+def _read_own(path: Path) -> list[Track]:
+    return build_own_tracks(read_table(path, OWN_COLUMNS, OWN_OPTIONAL))
 
 
 def build_own_tracks(table: Table) -> list[Track]:
@@ -116,29 +145,62 @@ def build_own_tracks(table: Table) -> list[Track]:
     return _build_tracks(samples)
 
 
-def _read_ind(path: Path) -> _Samples:
+def _read_ind(path: Path) -> list[Track]:
     table = read_table(path, IND_COLUMNS)
-    tracks_meta = _read_companion(path, "tracksMeta", ("trackId", "class"))
-    recording = _read_companion(path, "recordingMeta", ("frameRate",))
-    rate_hz = float(recording.parse_numbers("frameRate")[0])
-    if rate_hz <= 0:
-        raise recording.build_error(0, "frameRate", "is not above 0")
-    classes = dict(zip(tracks_meta.columns["trackId"], tracks_meta.columns["class"], strict=True))
     ids = table.columns["trackId"]
-    for row, name in enumerate(ids):
-        if name not in classes:
-            message = f"track {name} is not in {tracks_meta.path.name}"
-            raise table.build_error(row, "trackId", message)
-    return _Samples(
+    (classes,) = _read_tracks_meta(table, "trackId", ("class",))
+    samples = _Samples(
         table,
         ids=ids,
         classes=[classes[name] for name in ids],
-        times_s=table.parse_numbers("frame") / rate_hz,
+        times_s=table.parse_numbers("frame") / _read_rate_hz(path),
         places=_parse_places(table, "xCenter", "yCenter"),
         headings_rad=np.radians(table.parse_numbers("heading")),
         sizes=_parse_sizes(table, "length", "width"),
         columns=("trackId", "trackId", "frame", "xCenter"),
     )
+    return _build_tracks(samples)
+
+
+def _read_highd(path: Path) -> list[Track]:
+    table = read_table(path, HIGHD_COLUMNS)
+    ids = table.columns["id"]
+    classes, directions = _read_tracks_meta(table, "id", ("class", "drivingDirection"))
+    sizes = _parse_sizes(table, "width", "height")
+    corners = _parse_places(table, "x", "y")
+    samples = _Samples(
+        table,
+        ids=ids,
+        classes=[classes[name] for name in ids],
+        times_s=table.parse_numbers("frame") / _read_rate_hz(path),
+        places=(corners + sizes[:, :2] / 2) * (1, -1),
+        headings_rad=np.full(len(table), np.nan),
+        sizes=sizes,
+        columns=("id", "id", "frame", "x"),
+        at_rest_rad={
+            name: math.pi if direction == LEFTWARD else 0.0
+            for name, direction in directions.items()
+        },
+    )
+    return _build_tracks(samples)
+
+
+def _read_tracks_meta(table: Table, column: str, wanted: Sequence[str]) -> list[dict[str, str]]:
+    """Read columns of `NN_tracksMeta.csv` by track, whose name has the same column there."""
+    meta = _read_companion(table.path, "tracksMeta", (column, *wanted))
+    known = {*meta.columns[column]}
+    for row, name in enumerate(table.columns[column]):
+        if name not in known:
+            raise table.build_error(row, column, f"track {name} is not in {meta.path.name}")
+    return [dict(zip(meta.columns[column], meta.columns[name], strict=True)) for name in wanted]
+
+
+def _read_rate_hz(path: Path) -> float:
+    recording = _read_companion(path, "recordingMeta", ("frameRate",))
+    rate_hz = float(recording.parse_numbers("frameRate")[0])
+    if rate_hz <= 0:
+        raise recording.build_error(0, "frameRate", "is not above 0")
+    return rate_hz
 
 
 def _read_companion(path: Path, name: str, columns: Sequence[str]) -> Table:
@@ -149,6 +211,10 @@ def _read_companion(path: Path, name: str, columns: Sequence[str]) -> Table:
         hint = "keep the files of a recording together, named as they were published"
         raise DiagnosticsError(Diagnostic(path, 0, 0, "", message, hint))
     return read_table(other, columns)
+
+
+def _read_interaction(path: Path) -> list[Track]:
+    return [track for part in _list_interaction_files(path) for track in _read_part(part)]
 
 
 def _list_interaction_files(path: Path) -> list[Path]:
@@ -223,7 +289,7 @@ def _build_track(name: str, samples: _Samples, rows: NDArray[np.int64]) -> Track
         ) from None
     headings = samples.headings_rad[rows]
     if np.isnan(headings).any():
-        headings = derive_headings(times_s, places)
+        headings = derive_headings(times_s, places, at_rest_rad=samples.at_rest_rad.get(name, 0.0))
     return Track(
         id=name,
         actor_class=_find_class(samples, int(rows[0]), times_s, places),
@@ -247,3 +313,17 @@ def _find_class(
         hint = suggest_name(written, CLASSES)
         raise samples.table.build_error(row, samples.columns[1], message, hint)
     return CLASSES[written]
+
+
+LAYOUTS = (
+    Layout("own", frozenset({"x_m"}), OWN_COLUMNS, _read_own),
+    Layout("inD", frozenset({"trackId", "xCenter"}), IND_COLUMNS, _read_ind),
+    Layout("highD", frozenset({"id", "frame", "x", "y", "height"}), HIGHD_COLUMNS, _read_highd),
+    Layout(
+        "INTERACTION",
+        frozenset({"track_id", "timestamp_ms"}),
+        INTERACTION_COLUMNS,
+        _read_interaction,
+    ),
+)
+"""Layouts, in the order in which they are tried."""

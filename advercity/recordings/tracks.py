@@ -110,18 +110,19 @@ def check_samples(times_s: NDArray[np.float64], places: NDArray[np.float64]) -> 
 
 
 def derive_headings(
-    times_s: NDArray[np.float64], places: NDArray[np.float64]
+    times_s: NDArray[np.float64], places: NDArray[np.float64], *, at_rest_rad: float = 0.0
 ) -> NDArray[np.float64]:
     """Derive headings (n,) from the direction of motion; one at rest keeps the last.
 
-    One that has not moved yet has the heading with which it will, and one that never moves 0.
+    One that has not moved yet has the heading with which it will; `at_rest_rad` if it never does.
     """
+    at_rest = np.full(len(times_s), at_rest_rad)
     if len(times_s) < 2:
-        return np.zeros(len(times_s))
+        return at_rest
     velocities = np.gradient(places, times_s, axis=0)
     moving = np.flatnonzero(np.linalg.norm(velocities, axis=1) >= MIN_HEADING_SPEED_M_S)
     if not len(moving):
-        return np.zeros(len(times_s))
+        return at_rest
     headings = np.unwrap(np.arctan2(velocities[moving, 1], velocities[moving, 0]))
     last = np.searchsorted(moving, np.arange(len(times_s)), side="right") - 1
     return headings[np.maximum(last, 0)]

@@ -98,6 +98,28 @@ def write_ind(folder: Path) -> Path:
     return folder / "07_tracks.csv"
 
 
+def write_highd(folder: Path) -> Path:
+    """Write the vehicles of the recording in the columns of highD, and one column of no format.
+
+    Places are upper left corners with y down; the truck stands on lanes that lead to the left.
+    """
+    rows = ["frame,id,x,y,width,height,xVelocity,yVelocity,laneId,weather"]
+    for row in list_rows():
+        if row.track == "4":
+            continue
+        length, width = SIZES[row.track]
+        corner = f"{row.x - length / 2:.5f},{-row.y - width / 2:.5f}"
+        rows.append(f"{row.frame},{row.track},{corner},{length},{width},0,0,2,dry")
+    directions = {"1": ("Car", 2), "2": ("Car", 1), "3": ("Truck", 1)}
+    meta = ["id,width,height,class,drivingDirection"]
+    for track, (name, direction) in directions.items():
+        meta.append(f"{track},{SIZES[track][0]},{SIZES[track][1]},{name},{direction}")
+    (folder / "01_tracks.csv").write_text("\n".join(rows) + "\n")
+    (folder / "01_tracksMeta.csv").write_text("\n".join(meta) + "\n")
+    (folder / "01_recordingMeta.csv").write_text(f"id,frameRate\n1,{RATE_HZ}\n")
+    return folder / "01_tracks.csv"
+
+
 def write_interaction(folder: Path) -> Path:
     """Write the recording in the columns of INTERACTION: 10 Hz, people in a file of their own."""
     vehicles = ["track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width"]

@@ -8,10 +8,12 @@ import pytest
 
 from advercity.diagnostics import DiagnosticsError
 from advercity.errors import InputError
-from advercity.recordings.recorded_tables import read_recording
+from advercity.foreign.ledger import Ledger
+from advercity.foreign.standards import load_standard
+from advercity.recordings.recorded_tables import LAYOUTS, Layout, read_recording
 from advercity.recordings.track_file import format_tracks
 from advercity.recordings.tracks import Track, derive_headings
-from tests.recordings.recorded_files import write_ind, write_interaction
+from tests.recordings.recorded_files import write_highd, write_ind, write_interaction
 
 ROW = "7,1,{frame},0,{x},-1.75,0,1.8,4.6,0,0,0,0,0,0,0,0\n"
 TABLE = "id,class,time_s,x_m,y_m\na,car,0,0,0\na,car,0.1,1,0\n"
@@ -54,6 +56,34 @@ def test_one_that_interaction_does_not_tell_apart_rides_if_it_is_fast(tmp_path: 
     classes = {track.id: track.actor_class for track in read_recording(path)}
 
     assert (classes["P4"], classes["P9"]) == ("pedestrian", "bicycle")
+
+
+def test_a_recording_of_highd_has_corners_of_boxes_and_y_down(tmp_path: Path) -> None:
+    ledger = Ledger()
+    tracks = {track.id: track for track in read_recording(write_highd(tmp_path), ledger)}
+
+    car = tracks["1"]
+    assert (car.actor_class, car.size) == ("car", (4.6, 1.8, 0.0))
+    assert car.times_s[50] == 2.0
+    assert car.places[50] == pytest.approx([50 + 10 * 2 + 0.5 * 2**2, -1.75])
+    assert car.headings_rad == pytest.approx(0.0)
+    assert tracks["2"].headings_rad == pytest.approx(math.pi)
+    # One that stands all the time looks where its lanes lead.
+    assert tracks["3"].places[0] == pytest.approx([120.0, -1.75])
+    assert (tracks["3"].actor_class, tracks["3"].size[:2]) == ("truck", (9.0, 2.5))
+    assert tracks["3"].headings_rad == pytest.approx(math.pi)
+    assert {(part.name, part.count) for part in ledger.left_out} == {
+        ("columns of velocity", 2),
+        ("column of lanes", 1),
+        ("column weather", 1),
+    }
+
+
+@pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
+def test_every_column_that_is_read_is_in_the_table_of_columns(layout: Layout) -> None:
+    row = load_standard("recorded_tables").elements[layout.name]
+    assert {name for name in layout.columns if row[name] != "read"} == set()
+    assert layout.marks <= {*row}
 
 
 def test_what_is_written_is_read_again_as_it_was(tmp_path: Path) -> None:
