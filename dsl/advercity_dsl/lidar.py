@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import CompactModel, Declaration, Id, InvalidCombination, Items
+from advercity_dsl.base import CompactModel, Declaration, Id, InvalidCombination, Items, is_none
 from advercity_dsl.mount import Elevation, Mount
 from advercity_dsl.sampling import Sampled
 from advercity_dsl.units import (
@@ -30,6 +30,7 @@ from advercity_dsl.units import (
 MAX_CHANNELS = 256
 MIN_MOVING_HZ = 2.0
 """Scans per second from which poses between start and end of a scan are interpolated."""
+Azimuth = Annotated[Degrees, Field(ge=-180, le=180)]
 AzimuthOffset = Annotated[Degrees, Field(ge=-60, le=60)]
 Efficiency = Annotated[
     Number, Field(ge=0.01, le=10), RangeReason("relative to the mean of all channels")
@@ -105,7 +106,7 @@ class Lidar(Sampled):
     """A spinning LiDAR with a scan for every frame, each starting straight ahead and turning left.
 
     The defaults are those of the original dataset: an ideal instrument that scans in an instant,
-    but through the weather. With `prisms` it looks ahead instead of spinning.
+    but through the weather. With `azimuth_deg` or `prisms` it looks ahead instead of spinning.
     """
 
     model: Id | None = None
@@ -124,6 +125,9 @@ class Lidar(Sampled):
     those, from the lowest up. Reported intensities are calibrated, so it shows in ranges only."""
     prisms: PrismScan | None = None
     """Prisms that scan ahead, in place of a spinning head."""
+    azimuth_deg: tuple[Azimuth, Azimuth] | None = Field(default=None, exclude_if=is_none)
+    """First and last azimuth, positive to the left, of a sensor that looks ahead, as [-60, 60]: a
+    scan is `azimuths` columns from the one to the other. `null` is a whole turn."""
     channels: Annotated[Count, Field(ge=1, le=MAX_CHANNELS)] = 32
     """Number of channels."""
     lower_deg: Elevation = -25
@@ -176,6 +180,20 @@ class Lidar(Sampled):
             message = f"gives scans of {1 / self.rate_hz:g} s, in which motion is not even"
             hint = f"give at least {MIN_MOVING_HZ:g}, or no motion_distortion"
             raise InvalidCombination(("rate_hz",), message, hint)
+        return self
+
+    @model_validator(mode="after")
+    def _check_azimuths(self) -> Self:
+        if self.azimuth_deg is None:
+            return self
+        if self.prisms is not None:
+            message, hint = "are given, and so are prisms", "give one of both"
+            raise InvalidCombination(("azimuth_deg",), message, hint, other_path=("prisms",))
+        first, last = self.azimuth_deg
+        if not 0 < last - first < 360:
+            message = f"goes from {first:g} to {last:g} deg"
+            hint = "give the rightmost, then the leftmost, less than a turn apart"
+            raise InvalidCombination(("azimuth_deg",), message, hint)
         return self
 
     @model_validator(mode="after")

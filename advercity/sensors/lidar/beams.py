@@ -93,6 +93,7 @@ class ScanPattern:
         divergence_rad: Full divergence of a beam, horizontal and vertical.
         sub_rays: Rays that sample one beam.
         prisms: Prisms in place of a spinning head.
+        azimuth_deg: First and last azimuth of a sensor that looks ahead; None of a whole turn.
         time: When the scan is taken; the first scan for all of a head, which are alike.
     """
 
@@ -102,6 +103,7 @@ class ScanPattern:
     divergence_rad: tuple[float, float]
     sub_rays: int = 1
     prisms: PrismScan | None = None
+    azimuth_deg: tuple[float, float] | None = None
     time: ScanTime = FIRST_SCAN
 
 
@@ -114,6 +116,7 @@ def build_scan_pattern(lidar: Lidar, time: ScanTime = FIRST_SCAN) -> ScanPattern
         BeamShape.from_lidar(lidar).divergence_rad,
         lidar.sub_rays,
         lidar.prisms,
+        lidar.azimuth_deg,
         time if lidar.prisms else FIRST_SCAN,
     )
 
@@ -156,15 +159,22 @@ def _order_channels(lidar: Lidar) -> IndexArray:
 def beam_directions(lidar: Lidar, time: ScanTime = FIRST_SCAN) -> NDArray[np.float32]:
     """Build the beam directions (azimuths * channels, 3) of one scan, unit, LiDAR frame.
 
-    Counterclockwise from straight ahead, all channels at each azimuth; those of a sensor with
-    prisms in the order of their time. The array is read-only.
+    Counterclockwise from straight ahead, or from the first azimuth, all channels at each azimuth;
+    those of a sensor with prisms in the order of their time. The array is read-only.
     """
     return build_ray_directions(replace(build_scan_pattern(lidar, time), sub_rays=1))
 
 
-def scan_azimuths_rad(azimuths: int) -> NDArray[np.float32]:
-    """Compute the azimuths (azimuths,) of the head during a scan, ascending from 0."""
-    return (np.arange(azimuths) * (2.0 * math.pi / azimuths)).astype(np.float32)
+def scan_azimuths_rad(lidar: Lidar) -> NDArray[np.float32]:
+    """Compute the azimuths (azimuths,) of the axis during a scan, ascending."""
+    return _spread_columns(lidar.azimuths, lidar.azimuth_deg).astype(np.float32)
+
+
+def _spread_columns(count: int, azimuth_deg: tuple[float, float] | None) -> Float64Array:
+    """Compute the azimuths (count,) of a turn from 0, or of a field of view with both its ends."""
+    if azimuth_deg is None:
+        return np.arange(count, dtype=np.float64) * (2.0 * math.pi / count)
+    return np.radians(np.linspace(*azimuth_deg, count))
 
 
 def sub_ray_weights(lidar: Lidar) -> NDArray[np.float32]:
@@ -198,7 +208,7 @@ def _aim_columns(pattern: ScanPattern) -> tuple[Float64Array, Float64Array]:
     """Compute azimuth and elevation (azimuths,) of the axis at every firing of a scan."""
     column = np.arange(pattern.azimuths, dtype=np.float64)
     if pattern.prisms is None:
-        return column * (2.0 * math.pi / pattern.azimuths), np.zeros(pattern.azimuths)
+        return _spread_columns(pattern.azimuths, pattern.azimuth_deg), np.zeros(pattern.azimuths)
     prisms, time = pattern.prisms, pattern.time
     minutes = (time.index + column / pattern.azimuths) * (time.period_s / 60.0)
     first = 2.0 * math.pi * (prisms.first_rpm * minutes % 1.0)
@@ -228,7 +238,7 @@ class BeamGrid:
 
     Attributes:
         world_from_lidar: (4, 4) pose of the sensor.
-        azimuth_rad: (m,) float32 azimuth of every column, ascending, from 0 to 2 pi.
+        azimuth_rad: (m,) float32 azimuth of every column, ascending.
         elevation_rad: (c,) float32 elevations of the beams of each column, ascending.
         max_offset_rad: Greatest deviation of a beam from its column's azimuth; inf for prisms,
             whose columns have no order.
@@ -244,7 +254,7 @@ class BeamGrid:
         """Build the grid of a LiDAR's beams."""
         return BeamGrid(
             world_from_lidar,
-            scan_azimuths_rad(lidar.azimuths),
+            scan_azimuths_rad(lidar),
             channel_elevations_rad(lidar).astype(np.float32),
             max_offset_rad=math.inf
             if lidar.prisms

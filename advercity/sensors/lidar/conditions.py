@@ -58,7 +58,8 @@ class LidarWindow:
         from_front = np.minimum(azimuth, 2.0 * math.pi - azimuth)
         limits = [from_front < _FRONT_SECTOR_RAD, from_front < _REAR_SECTOR_RAD]
         by_sector = np.select(limits, [front, side], rear)
-        bearing = np.repeat(scan_azimuths_rad(lidar.azimuths), lidar.channels)
+        ahead_rad = scan_azimuths_rad(lidar) % np.float32(2.0 * math.pi)
+        bearing = np.repeat(ahead_rad, lidar.channels)
         if lidar.prisms:
             ahead, left, _ = beam_directions(lidar, time).T
             bearing = np.arctan2(left, ahead) % np.float32(2.0 * math.pi)
