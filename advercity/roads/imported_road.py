@@ -85,8 +85,7 @@ def _edge_lines(edge: SumoEdge, net: ImportedNetwork) -> Iterator[tuple[str, Tri
 
 
 def _border_inset(lane: SumoLane, *, on_left: bool) -> Points:
-    half = lane.width_m / 2 - EDGE_LINE_INSET_M
-    return lane.offset_line(half if on_left else -half)
+    return lane.compute_border(on_left=on_left, outward_m=-EDGE_LINE_INSET_M)
 
 
 def _stripe(line: Points, width_m: float = markings.LINE_WIDTH_M) -> TriangleSurface:

@@ -217,6 +217,7 @@ class ImportedSurface:
         paths = [line for lane in self._lanes for line in (lane.left_border, lane.right_border)]
         paths += [lane.centre for lane in self._paths]
         lines = np.array([shapely.LineString(path) for path in paths], dtype=np.object_)
+        lines = np.concatenate([lines, self._outline_lines])
         return lines, shapely.STRtree(lines)
 
     @cached_property
@@ -228,7 +229,15 @@ class ImportedSurface:
             found.setdefault(edge.from_junction, []).append((edge, False))
         return found
 
+    @cached_property
+    def _outline_lines(self) -> NDArray[np.object_]:
+        """Outlines as lines in space; those without heights, which older specs have, are none."""
+        rings = [item.ring for item in self._net.outlines if item.ring[:, 2].any()]
+        return np.array([shapely.LinearRing(ring) for ring in rings], dtype=np.object_)
+
     def _junction_height_lines(self, junction: str) -> Iterator[shapely.Geometry]:
+        zone = self._junction_zones.get(junction, shapely.Point())
+        yield from self._outline_lines[shapely.intersects(self._outline_lines, zone)]
         for edge in self._net.internal_edges:
             if edge.junction == junction:
                 for lane in edge.lanes:
@@ -260,8 +269,10 @@ class ImportedSurface:
     def _asphalt_patches(self) -> Iterator[TriangleSurface]:
         for lane in self._lanes:
             if lane.kind != "sidewalk":
-                half = lane.width_m / 2 + LANE_OVERLAP_M
-                yield build_ribbon(lane.offset_line(half), lane.offset_line(-half))
+                yield build_ribbon(
+                    lane.compute_border(on_left=True, outward_m=LANE_OVERLAP_M),
+                    lane.compute_border(on_left=False, outward_m=LANE_OVERLAP_M),
+                )
         for name, area in self.junction_areas.items():
             heights = self.junction_heights(name)
             yield from _triangulate_area(_grow(area, LANE_OVERLAP_M), heights.height_at)

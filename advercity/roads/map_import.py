@@ -1,29 +1,32 @@
 """Import of OpenDRIVE, OpenStreetMap and SUMO files as the SUMO network of a road."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
+import shapely
 from advercity_dsl import MapFile, MapNetwork, Road
 from advercity_dsl.road.extent import MAX_SITE_M
 from advercity_dsl.units import Point2
+from shapely.geometry.base import BaseGeometry
 
 from advercity.errors import InputError
 from advercity.foreign.ledger import Ledger
 from advercity.foreign.xml_documents import parse_xml, to_xml_bytes
 from advercity.roads.imported_crossings import (
+    build_confirmed,
     build_discards,
     marks_crossings,
-    take_crosswalks,
 )
-from advercity.roads.map_files import read_map_file
+from advercity.roads.map_files import LoadedMap, read_map_file
 from advercity.roads.map_names import get_map_id, read_street_names, rename_network
 from advercity.roads.map_plan import MapPlan
 from advercity.roads.network_file import SumoLane, SumoNetwork, parse_network
-from advercity.roads.opendrive_junctions import add_outlines, detach_connecting_roads
+from advercity.roads.opendrive.network import PlainNetwork, build_plain_network, complete_network
+from advercity.roads.opendrive.parsing import parse_opendrive
 from advercity.roads.osm_map import REMOVED_TYPE
 from advercity.roads.osm_plan import plan_extract
 from advercity.roads.sumo_network import run_netconvert
@@ -36,27 +39,6 @@ MAX_MAP_DISTANCE_M = 20_000.0
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90, 180
 MAX_LANE_WIDTH_M = 60.0
 """As of a declared strip."""
-LANE_TYPES = """<types>
-  <type id="driving" priority="1" speed="13.89" width="3.5" disallow="pedestrian"/>
-  <type id="entry" priority="1" speed="22.22" width="3.5" disallow="pedestrian"/>
-  <type id="exit" priority="1" speed="22.22" width="3.5" disallow="pedestrian"/>
-  <type id="onRamp" priority="1" speed="22.22" width="3.5" disallow="pedestrian"/>
-  <type id="offRamp" priority="1" speed="22.22" width="3.5" disallow="pedestrian"/>
-  <type id="sidewalk" priority="0" speed="2.78" width="2" allow="pedestrian"/>
-  <type id="parking" priority="0" speed="1.39" width="2.5" disallow="all"/>
-  <type id="shoulder" priority="0" speed="1.39" width="1" disallow="all"/>
-  <type id="stop" priority="0" speed="1.39" width="1" disallow="all"/>
-  <type id="biking" priority="0" speed="5.56" width="1.5" disallow="all"/>
-</types>
-"""
-"""Lane types of OpenDRIVE; by default netconvert drops most of them, sidewalks above all."""
-OBJECTS_FILE = "objects.xml"
-OPENDRIVE_OPTIONS = {
-    "opendrive-files": "map.xml",
-    "type-files": "lanes.typ.xml",
-    "opendrive.curve-resolution": "1",
-    "polygon-output": OBJECTS_FILE,
-}
 WALKED_CLASSES = "passenger,pedestrian"
 NO_PROJECTION = "!"
 OSM_OPTIONS = {
@@ -73,6 +55,15 @@ OSM_OPTIONS = {
     "tls.guess-signals": "true",
 }
 SUMO_OPTIONS = {"sumo-net-file": "map.xml"}
+OPENDRIVE_OPTIONS = {
+    "node-files": "nodes.xml",
+    "edge-files": "edges.xml",
+    "connection-files": "connections.xml",
+    "roundabouts.guess": "true",
+    "junctions.corner-detail": "8",
+    "junctions.internal-link-detail": "12",
+    "tls.default-type": "static",
+}
 CAR_OPTIONS = {
     "output.street-names": "true",
     "keep-edges.by-vclass": "passenger",
@@ -94,6 +85,8 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
         RunError: `netconvert` does not run.
     """
     found = read_map_file(declared, folder)
+    if declared.source == "opendrive":
+        return _import_opendrive(found, road, declared)
     ledger = Ledger()
     plan = _plan_map(found.root, declared, road, ledger)
     options = _build_import_options(declared, road, plan.root)
@@ -102,15 +95,10 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
         options["keep-edges.in-boundary"] = _format_extent(declared.extent_m, is_mirrored)
     converted = _convert(plan.root, options, declared)
     _check_lanes(_parse_converted(converted, declared), declared)
-    marked = [*plan.crossings, *take_crosswalks(converted)]
-    if marked:
-        converted = _keep_marked_crossings(converted, declared, marked)
+    if plan.crossings:
+        converted = _keep_marked_crossings(converted, declared, plan.crossings)
     net = sanitize_network(converted)
     rename_network(net, read_street_names(converted))
-    connecting = detach_connecting_roads(found.root) if declared.source == "opendrive" else None
-    if connecting is not None:
-        paved = _parse_converted(_convert(connecting, OPENDRIVE_OPTIONS, declared), declared)
-        add_outlines(net, paved.lanes, declared.extent_m)
     return MapNetwork(
         source=declared.source,
         sha256=found.sha256,
@@ -121,17 +109,44 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
 
 
 def _plan_map(root: Element, declared: MapFile, road: Road, ledger: Ledger) -> MapPlan:
-    match declared.source:
-        case "osm":
-            _check_places(declared, road, root)
-            return plan_extract(root, road, declared, partial(_find_streets, declared), ledger)
-        case "sumo":
-            try:
-                return plan_network(root, ledger)
-            except InputError as error:
-                raise InputError(f"{declared.file}: {error}") from None
-        case "opendrive":
-            return MapPlan(root)
+    if declared.source == "osm":
+        _check_places(declared, road, root)
+        return plan_extract(root, road, declared, partial(_find_streets, declared), ledger)
+    try:
+        return plan_network(root, ledger)
+    except InputError as error:
+        raise InputError(f"{declared.file}: {error}") from None
+
+
+def _import_opendrive(found: LoadedMap, road: Road, declared: MapFile) -> MapNetwork:
+    try:
+        plain = build_plain_network(parse_opendrive(found.root), _build_extent(declared))
+    except InputError as error:
+        raise InputError(f"{declared.file}: {error}") from None
+    if not plain.names:
+        raise InputError(f"{declared.file}: has no lane for cars{_describe_extent(declared)}")
+    guesses = road.land_use == "urban" or bool(plain.crosswalks)
+    converted = _compile(plain, declared, guesses=guesses)
+    network = _parse_converted(converted, declared)
+    _check_lanes(network, declared)
+    if plain.crosswalks:
+        plain.documents["connections"].extend(build_confirmed(network, plain.crosswalks))
+        converted = _compile(plain, declared, guesses=False)
+    net = sanitize_network(converted)
+    complete_network(net, plain)
+    rename_network(net, plain.names)
+    return MapNetwork(source=declared.source, sha256=found.sha256, network=pack_network(net))
+
+
+def _build_extent(declared: MapFile) -> BaseGeometry | None:
+    corners = declared.extent_m
+    return None if corners is None else shapely.MultiPoint(np.array(corners)).envelope
+
+
+def _compile(plain: PlainNetwork, declared: MapFile, *, guesses: bool) -> Element:
+    files = {f"{name}.xml": to_xml_bytes(root) for name, root in plain.documents.items()}
+    options = OPENDRIVE_OPTIONS | {"crossings.guess": str(guesses).lower()}
+    return _run_on_files(files, options, declared)
 
 
 def _parse_converted(net: Element, declared: MapFile) -> SumoNetwork:
@@ -176,10 +191,10 @@ def _find_streets(declared: MapFile, plan: Element) -> set[str]:
 
 
 def _keep_marked_crossings(
-    converted: Element, declared: MapFile, marked: list[tuple[float, float]]
+    converted: Element, declared: MapFile, marked: Sequence[tuple[float, float]]
 ) -> Element:
     """Remove the crossings of a network that are not near those of the map."""
-    discards = build_discards(converted, parse_network(converted), marked)
+    discards = build_discards(parse_network(converted), marked)
     if discards is None:
         return converted
     # Of edges for pedestrians alone, only those that are to stay have been converted.
@@ -194,23 +209,24 @@ def _convert(
     declared: MapFile,
     files: Mapping[str, bytes] | None = None,
 ) -> Element:
-    """Convert a document with options that may name further files; objects of the map come last."""
+    """Convert a document with options that may name further files."""
+    return _run_on_files({"map.xml": to_xml_bytes(root), **(files or {})}, options, declared)
+
+
+def _run_on_files(
+    files: Mapping[str, bytes], options: Mapping[str, str], declared: MapFile
+) -> Element:
+    """Run netconvert on files that its options name."""
     with tempfile.TemporaryDirectory() as name:
         work = Path(name)
-        (work / "map.xml").write_bytes(to_xml_bytes(root))
-        (work / "lanes.typ.xml").write_text(LANE_TYPES, encoding="utf-8")
-        for file, content in (files or {}).items():
+        for file, content in files.items():
             (work / file).write_bytes(content)
         output = work / "road.net.xml"
         outcome = run_netconvert(options, output)
         if not outcome.succeeded:
             why = f"{_find_first_error(outcome.messages)}{_describe_extent(declared)}"
             raise InputError(f"{declared.file}: netconvert cannot use it: {why}")
-        net = parse_xml(output.read_bytes())
-        objects = work / OBJECTS_FILE
-        if objects.exists():
-            net.extend(parse_xml(objects.read_bytes()))
-        return net
+        return parse_xml(output.read_bytes())
 
 
 def _build_import_options(declared: MapFile, road: Road, root: Element) -> dict[str, str]:
@@ -220,11 +236,9 @@ def _build_import_options(declared: MapFile, road: Road, root: Element) -> dict[
     guesses = road.land_use == "urban" or marks_crossings(root)
     options["crossings.guess"] = str(guesses).lower()
     match declared.source:
-        case "opendrive":
-            options |= OPENDRIVE_OPTIONS
         case "osm":
             options |= OSM_OPTIONS
-        case "sumo":
+        case _:
             options |= SUMO_OPTIONS
     return options
 

@@ -20,12 +20,15 @@ from advercity.errors import InputError, RunError
 from advercity.geometry.mesh import extract_polygons
 from advercity.geometry.polyline import Points, StationedPolyline, offset_polyline
 from advercity.roads.streets import approach_name, name_crossing_signal
-from advercity.roads.sumo_xml import unpack_network
+from advercity.roads.sumo_xml import BORDER_ATTRIBUTES, unpack_network
 
 DEFAULT_LANE_WIDTH_M = 3.2
 """SUMO's own width of a lane that declares none."""
 MIN_POINT_SPACING_M = 0.01
 """Points of a centre line that are closer in the plan would give its borders random directions."""
+
+CLOSED_KINDS = {"parking": "parking", "curb": "sidewalk"}
+"""Kinds of lanes that cars may not use, by type; the others are shoulders."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +47,8 @@ class SumoLane:
         type: SUMO's type of lane, if the file has one.
         allowed_classes: Vehicle classes that may use it; None if all may.
         disallowed_classes: Vehicle classes that may not.
+        borders: Left and right border, a point (3,) of each beside every point of `shape`, where
+            they are not parallel to it; else None.
     """
 
     id: str
@@ -57,6 +62,7 @@ class SumoLane:
     type: str
     allowed_classes: frozenset[str] | None
     disallowed_classes: frozenset[str]
+    borders: tuple[Points, Points] | None = None
 
     def permits(self, vehicle_class: str) -> bool:
         """Whether a SUMO vehicle class may use this lane."""
@@ -84,7 +90,7 @@ class SumoLane:
             return "sidewalk"
         if self.permits("passenger"):
             return "driving"
-        return "parking" if self.type == "parking" else "shoulder"
+        return CLOSED_KINDS.get(self.type, "shoulder")
 
     @cached_property
     def line(self) -> StationedPolyline:
@@ -92,30 +98,40 @@ class SumoLane:
         return StationedPolyline.from_points(self.shape, length_m=self.length_m)
 
     @cached_property
+    def _is_own_point(self) -> NDArray[np.bool_]:
+        """Whether points (n,) of the shape do not repeat the one before in the plan."""
+        steps = np.linalg.norm(np.diff(self.shape[:, :2], axis=0), axis=1)
+        return np.concatenate([[True], steps > MIN_POINT_SPACING_M])
+
+    @cached_property
     def centre(self) -> Points:
         """(n, 3) centre line without points that repeat the one before in the plan."""
-        steps = np.linalg.norm(np.diff(self.shape[:, :2], axis=0), axis=1)
-        return self.shape[np.concatenate([[True], steps > MIN_POINT_SPACING_M])]
+        return self.shape[self._is_own_point]
 
-    def offset_line(self, lateral_m: float) -> Points:
-        """Compute the line (n, 3) that runs `lateral_m` to the left of the centre."""
-        return offset_polyline(self.centre, lateral_m)
+    def compute_border(self, *, on_left: bool, outward_m: float = 0.0) -> Points:
+        """Compute a border (n, 3), or the line `outward_m` outside it."""
+        side = 1.0 if on_left else -1.0
+        if self.borders is None:
+            return offset_polyline(self.centre, side * (self.width_m / 2 + outward_m))
+        border = self.borders[0 if on_left else 1][self._is_own_point]
+        moved = offset_polyline(self.centre, side * outward_m) - self.centre
+        return border + moved
 
     @cached_property
     def left_border(self) -> Points:
         """(n, 3) left border."""
-        return self.offset_line(self.width_m / 2)
+        return self.compute_border(on_left=True)
 
     @cached_property
     def right_border(self) -> Points:
         """(n, 3) right border."""
-        return self.offset_line(-self.width_m / 2)
+        return self.compute_border(on_left=False)
 
     def build_area(self, margin_m: float = 0.0) -> BaseGeometry:
         """Build the area between its borders, wider by a margin on both sides."""
-        half = self.width_m / 2 + margin_m
-        borders = [self.offset_line(half), self.offset_line(-half)[::-1]]
-        return build_enclosed_area(np.vstack(borders))
+        left = self.compute_border(on_left=True, outward_m=margin_m)
+        right = self.compute_border(on_left=False, outward_m=margin_m)
+        return build_enclosed_area(np.vstack([left, right[::-1]]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -337,6 +353,7 @@ def _parse_edge(item: Element) -> SumoEdge:
 
 def _parse_lane(item: Element, edge: str, function: str) -> SumoLane:
     allowed = item.get("allow")
+    shape = _parse_shape(item.attrib["shape"])
     return SumoLane(
         id=item.attrib["id"],
         edge=edge,
@@ -344,12 +361,22 @@ def _parse_lane(item: Element, edge: str, function: str) -> SumoLane:
         function=function,
         length_m=float(item.attrib["length"]),
         speed_limit_m_s=float(item.attrib["speed"]),
-        shape=_parse_shape(item.attrib["shape"]),
+        shape=shape,
         width_m=float(item.get("width", DEFAULT_LANE_WIDTH_M)),
         type=item.get("type", ""),
         allowed_classes=None if allowed is None else frozenset(allowed.split()),
         disallowed_classes=frozenset(item.get("disallow", "").split()),
+        borders=_parse_borders(item, len(shape)),
     )
+
+
+def _parse_borders(item: Element, count: int) -> tuple[Points, Points] | None:
+    left, right = (_parse_shape(item.get(name, "")) for name in BORDER_ATTRIBUTES)
+    if not len(left) and not len(right):
+        return None
+    if not len(left) == len(right) == count:
+        raise ValueError(f"lane {item.attrib['id'][:40]} has other points than its borders")
+    return left, right
 
 
 def _parse_junction(item: Element) -> SumoJunction:

@@ -33,7 +33,7 @@ from advercity.roads.streets import (
     sumo_edge_id,
     sumo_lane_index,
 )
-from advercity.roads.sumo_xml import unpack_network
+from advercity.roads.sumo_xml import format_metres, format_shape, unpack_network
 
 NETCONVERT_TIMEOUT_S = 120
 NETCONVERT_OPTIONS = {
@@ -140,13 +140,13 @@ def _build_nodes(plan: RoadLayout) -> Element:
     root = Element("nodes")
 
     def add(name: str, position: Points, kind: str) -> Element:
-        place = {axis: _format_metres(value) for axis, value in zip("xyz", position, strict=True)}
+        place = {axis: format_metres(value) for axis, value in zip("xyz", position, strict=True)}
         return SubElement(root, "node", {"id": name, "type": kind, **place})
 
     for junction in plan.junctions.values():
         outline = np.concatenate([corner.outer_edge for corner in junction.corners])
         centre = np.mean([arm.axis_end for arm in junction.arms], axis=0)
-        add(junction.id, centre, _node_type(junction)).set("shape", _format_shape(outline))
+        add(junction.id, centre, _node_type(junction)).set("shape", format_shape(outline))
     for street in plan.streets.values():
         for name, point in ((street.begins, street.axis[0]), (street.ends, street.axis[-1])):
             if name not in plan.junctions:
@@ -198,17 +198,17 @@ def _add_edge(
         "from": begins,
         "to": ends,
         "priority": str(_priority(street.id, plan.junctions.get(ends))),
-        "speed": _format_metres(street.speed_limit_m_s),
-        "length": _format_metres(float(np.mean(driven or lengths_m[:1]))),
+        "speed": format_metres(street.speed_limit_m_s),
+        "length": format_metres(float(np.mean(driven or lengths_m[:1]))),
         "numLanes": str(len(strips)),
         "spreadType": "right",
-        "shape": _format_shape(street.directed_line(strips[0].inner_t, along=along)),
+        "shape": format_shape(street.directed_line(strips[0].inner_t, along=along)),
     }
     edge = SubElement(root, "edge", attributes)
     # SUMO counts lanes from the right, strips are counted from the axis.
     pairs = zip(reversed(strips), reversed(centres), strict=True)
     for index, (strip, centre) in enumerate(pairs):
-        shape = {"width": _format_metres(strip.width_m), "shape": _format_shape(centre)}
+        shape = {"width": format_metres(strip.width_m), "shape": format_shape(centre)}
         permission = STRIP_PERMISSIONS.get(strip.kind, CLOSED_PERMISSION)
         SubElement(edge, "lane", {"index": str(index), **permission, **shape})
 
@@ -226,7 +226,7 @@ def _build_connections(plan: RoadLayout) -> Element:
     for junction in plan.junctions.values():
         for path in junction.connecting_paths:
             link = _link_attributes(junction, path)
-            SubElement(root, "connection", {**link, "shape": _format_shape(path.centre)})
+            SubElement(root, "connection", {**link, "shape": format_shape(path.centre)})
     for junction in plan.junctions.values():
         for index, crossing in enumerate(junction.crossings, start=len(junction.connecting_paths)):
             street = junction.find_arm(crossing.street).street
@@ -238,9 +238,9 @@ def _build_connections(plan: RoadLayout) -> Element:
             attributes = {
                 "node": junction.id,
                 "edges": " ".join(edges),
-                "width": _format_metres(crossing.width_m),
+                "width": format_metres(crossing.width_m),
                 "priority": "true",
-                "shape": _format_shape(crossing.centre),
+                "shape": format_shape(crossing.centre),
             }
             if junction.declared.control == "signals":
                 attributes["linkIndex"] = str(index)
@@ -253,11 +253,11 @@ def _build_signal_programs(plan: RoadLayout) -> Element:
     controlled = [item for item in plan.junctions.values() if item.declared.control == "signals"]
     for junction in controlled:
         if declared := junction.declared.signals:
-            offset = _format_metres(-declared.elapsed_s)
+            offset = format_metres(-declared.elapsed_s)
             attributes = {"id": junction.id, "type": "static", "programID": "0", "offset": offset}
             program = SubElement(root, "tlLogic", attributes)
             for duration_s, state in signals.build_signal_phases(junction, declared):
-                phase = {"duration": _format_metres(duration_s), "state": state}
+                phase = {"duration": format_metres(duration_s), "state": state}
                 SubElement(program, "phase", phase)
     for junction in controlled:
         for index, path in enumerate(junction.connecting_paths):
@@ -276,14 +276,6 @@ def _link_attributes(junction: JunctionLayout, path: ConnectingPath) -> dict[str
         "fromLane": str(sumo_lane_index(source.street, move.from_lane, along=out)),
         "toLane": str(sumo_lane_index(target.street, move.to_lane, along=into)),
     }
-
-
-def _format_metres(value: float) -> str:
-    return f"{round(float(value), 3) + 0.0:.3f}"
-
-
-def _format_shape(points: Points) -> str:
-    return " ".join(",".join(_format_metres(value) for value in point) for point in points)
 
 
 def _compile_network(name: str, folder: Path) -> Path:

@@ -12,10 +12,14 @@ from xml.etree.ElementTree import Element, SubElement
 
 from advercity.errors import InputError
 from advercity.foreign.xml_documents import MAX_XML_BYTES, parse_xml, to_xml_bytes
+from advercity.geometry.polyline import Points
 
+BORDER_ATTRIBUTES = ("leftBorder", "rightBorder")
+"""Borders of a lane that is not equally wide along its line; SUMO does not read them."""
 _KEPT_ATTRIBUTES = {
     "edge": "id from to function priority shape crossingEdges",
-    "lane": "id index allow disallow speed length width shape customShape outlineShape type",
+    "lane": "id index allow disallow speed length width shape customShape outlineShape type"
+    f" {' '.join(BORDER_ATTRIBUTES)}",
     "tlLogic": "id programID offset",
     "phase": "duration state",
     "junction": "id type x y z incLanes intLanes shape customShape",
@@ -69,6 +73,16 @@ def _copy_element(parent: Element, item: Element, attributes: list[str]) -> Elem
     if item.tag == "tlLogic":
         kept["type"] = "static"
     return SubElement(parent, item.tag, kept)
+
+
+def format_metres(value: float) -> str:
+    """Format a length to the millimetre; never as `-0.000`."""
+    return f"{round(float(value), 3) + 0.0:.3f}"
+
+
+def format_shape(points: Points) -> str:
+    """Format points (n, d), metres, as a SUMO shape."""
+    return " ".join(",".join(format_metres(value) for value in point) for point in points)
 
 
 def pack_network(net: Element) -> str:

@@ -133,17 +133,19 @@ STREET = """<OpenDRIVE>
 @pytest.mark.parametrize(
     ("found", "damaged", "complaint"),
     [
-        ('a="3.5"', 'a="nan"', "netconvert cannot use it: 'nan,nan nan,nan' is not finite"),
-        ('a="3.5"', 'a="1e30"', "has a lane that is 1e+30 m wide"),
-        ("<line/>", '<spiral curvStart="0" curvEnd="1e9"/>', "has no lane for cars"),
+        ('a="3.5"', 'a="nan"', "line 9: <width>: a is 'nan', which is no number to build with"),
+        ('a="3.5"', 'a="1e30"', "line 9: <width>: a is '1e30'"),
+        ('a="3.5"', 'a="70"', "line 8: <lane>: is 70 m wide; lanes are at most 60 m wide"),
+        ("<line/>", '<spiral curvStart="0" curvEnd="1e9"/>', "line 4: <spiral>: its curvature"),
         ('length="200"', 'length="100000"', "its lanes are 100000 m from west to east"),
-        ('<elevation s="0" a="0"', '<elevation s="0" a="1e30"', "a lane 1e+30 m above zero"),
+        ('length="200"', 'length="1000000"', "its roads are longer than 500 km together"),
+        ('length="200"', 'length=""', "line 3: <road>: has no attribute 'length'"),
+        ('<elevation s="0" a="0"', '<elevation s="0" a="1e7"', "a lane 1e+07 m above zero"),
     ],
 )
 def test_a_street_that_no_world_could_have_is_refused(
     found: str, damaged: str, complaint: str, tmp_path: Path
 ) -> None:
-    """netconvert makes networks of such lanes without a word."""
     road = Road.model_validate(declaration("opendrive", "street.xodr"))
     declared = MapFile(source="opendrive", file="street.xodr")
     (tmp_path / "street.xodr").write_text(STREET, encoding="utf-8")

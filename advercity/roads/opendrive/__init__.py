@@ -1,0 +1,1 @@
+"""OpenDRIVE: its records, its reference lines and lanes, and the SUMO network made of them."""

@@ -1,0 +1,169 @@
+"""Records of an OpenDRIVE document, in its own terms and units; angles in radians."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from advercity.roads.opendrive.profiles import Profile
+
+Contact = Literal["start", "end"]
+
+
+@dataclass(frozen=True)
+class PlanGeometry:
+    """A piece of a reference line in the plan.
+
+    Attributes:
+        begins_m: Station at which it begins.
+        start: Point (x, y) at which it begins.
+        heading: Its direction there.
+        length_m: Its length.
+        shape: `line`, `arc`, `spiral`, `poly3` or `paramPoly3`.
+        values: Curvature of an arc; curvatures of a spiral; coefficients of polynomials, those of
+            u before those of v.
+        is_normalized: Whether a parametric polynomial runs from 0 to 1.
+    """
+
+    begins_m: float
+    start: tuple[float, float]
+    heading: float
+    length_m: float
+    shape: str
+    values: tuple[float, ...] = ()
+    is_normalized: bool = False
+
+
+@dataclass(frozen=True)
+class SpeedLimit:
+    """A limit from a distance on; None where the map has none."""
+
+    begins_m: float
+    speed_m_s: float | None
+
+
+@dataclass(frozen=True)
+class Lane:
+    """A lane of a section; ids count outwards, negative on the right of the reference line."""
+
+    id: int
+    type: str
+    is_level: bool
+    widths: Profile
+    borders: Profile
+    predecessors: tuple[int, ...]
+    successors: tuple[int, ...]
+    speeds: tuple[SpeedLimit, ...]
+    line: int
+
+
+@dataclass(frozen=True)
+class LaneSection:
+    """Lanes side by side from a station on, by id."""
+
+    begins_m: float
+    lanes: dict[int, Lane]
+
+
+@dataclass(frozen=True)
+class RoadLink:
+    """What is before or behind a road: another road and its end, or a junction."""
+
+    element_type: Literal["road", "junction"]
+    id: str
+    contact: Contact
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A traffic light along a road; `orientation` is that of the traffic that sees it."""
+
+    station_m: float
+    orientation: str
+
+
+@dataclass(frozen=True)
+class Crosswalk:
+    """Middle of a crosswalk, by station and distance to the left of the reference line."""
+
+    station_m: float
+    left_m: float
+
+
+@dataclass(frozen=True)
+class CrossSection:
+    """Heights above the plane of the road across it, as a profile over t, at a station."""
+
+    station_m: float
+    heights: Profile
+
+
+@dataclass(frozen=True)
+class Road:
+    """A road: its reference line, its sections of lanes, and what it is linked to.
+
+    Attributes:
+        shape_sign: -1 if the road was mirrored, so that its cross-sections are taken at -t.
+    """
+
+    id: str
+    name: str
+    length_m: float
+    junction: str
+    is_left_handed: bool
+    predecessor: RoadLink | None
+    successor: RoadLink | None
+    speeds: tuple[SpeedLimit, ...]
+    geometries: tuple[PlanGeometry, ...]
+    elevation: Profile
+    superelevation: Profile
+    cross_sections: tuple[CrossSection, ...]
+    lane_offset: Profile
+    sections: tuple[LaneSection, ...]
+    lights: tuple[Signal, ...]
+    crosswalks: tuple[Crosswalk, ...]
+    line: int
+    shape_sign: float = 1.0
+
+    def get_link(self, end: Contact) -> RoadLink | None:
+        """Return what it is linked to at an end."""
+        return self.predecessor if end == "start" else self.successor
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A way through a junction: over a connecting road, or directly into a linked road."""
+
+    incoming_road: str
+    road: str
+    contact: Contact
+    is_direct: bool
+    lane_links: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Junction:
+    """A junction and its connections."""
+
+    id: str
+    connections: tuple[Connection, ...]
+
+
+@dataclass(frozen=True)
+class Header:
+    """Where the map is: a PROJ string, and the place of its origin in the projection."""
+
+    projection: str
+    offset_m: tuple[float, float, float]
+    heading: float
+
+
+@dataclass(frozen=True)
+class OpenDriveMap:
+    """All of a document that is used."""
+
+    header: Header
+    roads: dict[str, Road]
+    junctions: dict[str, Junction]
+
+    def is_connecting(self, road: Road) -> bool:
+        """Whether a road lies in a junction."""
+        return road.junction in self.junctions
