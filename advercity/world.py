@@ -74,7 +74,7 @@ class World:
     """By blueprint id; every blueprint of the spec has one."""
     lanes: tuple[LaneSegment, ...]
     network: Path
-    """SUMO network; it has the coordinates of the world."""
+    """SUMO network; it has the coordinates of the world, of left-hand traffic mirrored."""
     street_lamps: tuple[StreetLamp, ...] = ()
     signal_lamps: tuple[SignalLamp, ...] = ()
     material_maps: Mapping[str, MaterialMaps] = field(default_factory=dict[str, MaterialMaps])

@@ -1,6 +1,6 @@
 """Writes capital letters and digits on surfaces, such as registrations and names of shops."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,7 +50,7 @@ def write_text(text: str, plane: WritingPlane, height_m: float) -> TriangleSurfa
             normals = np.broadcast_to(facing, corners.shape)
             written.append(TriangleSurface(corners, glyph.surface.triangles, normals))
         edge_m += height_m * (glyph.width + SPACE)
-    return join_surfaces(written)
+    return replace(join_surfaces(written), is_writing=True)
 
 
 def measure_text(text: str, height_m: float) -> float:

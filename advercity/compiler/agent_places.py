@@ -25,6 +25,8 @@ from advercity.roads.lane_graph import (
     find_shortest_route,
     read_lane_graph,
 )
+from advercity.roads.mirrored_network import mirror_street
+from advercity.roads.plan_frame import to_plan_frame
 from advercity.roads.routes import RoutePlanner
 from advercity.roads.streets import StreetLayout, StripLayout, approach_name
 from advercity.roads.sumo_network import write_sumo_network
@@ -52,7 +54,7 @@ def place_agents(road: Road) -> tuple[list[Road], dict[str, str]]:
     declared = road.at_junction
     if declared is None:
         return [road], {}
-    planner = RoutePlanner(road)
+    planner = RoutePlanner(to_plan_frame(road))
     try:
         names = find_junctions(planner, declared.junction)
     except InputError as error:
@@ -85,18 +87,21 @@ def complete_routes(road: Road) -> Road:
     }
     if not vehicles:
         return road
+    plan = to_plan_frame(road)
     with tempfile.TemporaryDirectory() as folder:
-        graph = read_lane_graph(write_sumo_network(road, Path(folder)))
-    routed, planner = dict(road.agents), RoutePlanner(road)
+        graph = read_lane_graph(write_sumo_network(plan, Path(folder)))
+    routed = dict(road.agents)
     for name, vehicle in vehicles.items():
-        problem = next(_find_start_problems(planner, name, vehicle), None)
+        problem = next(_find_start_problems(road, name, vehicle), None)
         if problem is not None:
             raise MisplacedAgentError(problem[0], f"{problem[1]}; {problem[2]}")
-        lane, position_m = graph.find_lane(vehicle.spawn_m, np.radians(vehicle.heading_deg))
+        place = plan.agents[name]
+        assert isinstance(place, Vehicle)
+        lane, position_m = graph.find_lane(place.spawn_m, np.radians(place.heading_deg))
         try:
-            edges = find_shortest_route(graph, lane, position_m, vehicle.destination_m)
+            edges = find_shortest_route(graph, lane, position_m, place.destination_m)
         except InputError as error:
-            nearest = _describe_nearest_lanes(planner, vehicle.destination_m)
+            nearest = _describe_nearest_lanes(road, vehicle.destination_m)
             message = f"{error}; nearest to the destination: {nearest}"
             raise MisplacedAgentError(("agents", name, "destination_m"), message) from None
         streets = tuple(approach_name(edge) for edge in edges)
@@ -106,13 +111,13 @@ def complete_routes(road: Road) -> Road:
 
 def find_place_problems(road: Road) -> Iterator[Problem]:
     """Yield what is wrong with starts, headings, routes and destinations, and unknown streets."""
-    planner = RoutePlanner(road)
+    planner = RoutePlanner(to_plan_frame(road))
     for index, item in enumerate(road.surroundings):
         if item.beside is not None and item.beside.street not in planner.streets:
             value_path = ("surroundings", index, "beside", "street")
             hint = suggest_name(item.beside.street, planner.streets)
             yield value_path, f"unknown street '{item.beside.street}'", hint
-    lanes = shapely.MultiLineString([line.points[:, :2] for _, line in _iterate_lanes(planner)])
+    lanes = shapely.MultiLineString([line.points[:, :2] for _, line in _iterate_lanes(road)])
     for name, agent in road.agents.items():
         if isinstance(agent, RoadsideUnit):
             yield from _find_distance_problems(
@@ -128,7 +133,7 @@ def find_place_problems(road: Road) -> Iterator[Problem]:
             ),
         ]
         # Each check assumes what the one before has established.
-        yield from problems or _find_start_problems(planner, name, agent)
+        yield from problems or _find_start_problems(road, name, agent)
         yield from _find_route_problems(planner, name, agent)
 
 
@@ -144,16 +149,16 @@ def _find_distance_problems(
         yield ("agents", name, field), message, "is it the right map? correct the position"
 
 
-def _find_start_problems(planner: RoutePlanner, name: str, vehicle: Vehicle) -> Iterator[Problem]:
+def _find_start_problems(road: Road, name: str, vehicle: Vehicle) -> Iterator[Problem]:
     heading = np.radians(vehicle.heading_deg)
-    for _, line in _iterate_lanes(planner):
+    for _, line in _iterate_lanes(road):
         station_m, distance_m = line.project_point(vehicle.spawn_m)
         gap = np.cos(line.headings_at(station_m) - heading)
         if distance_m < MAX_LANE_DISTANCE_M and gap > np.cos(MAX_HEADING_GAP_RAD):
             return
     at = f"{vehicle.spawn_m[0]:g}, {vehicle.spawn_m[1]:g}"
     message = f"no driving lane at {at} leads {vehicle.heading_deg:g} degrees from east"
-    hint = f"move or turn the vehicle; nearest: {_describe_nearest_lanes(planner, vehicle.spawn_m)}"
+    hint = f"move or turn the vehicle; nearest: {_describe_nearest_lanes(road, vehicle.spawn_m)}"
     yield ("agents", name, "heading_deg"), message, hint
 
 
@@ -177,10 +182,10 @@ def _find_route_problems(planner: RoutePlanner, name: str, vehicle: Vehicle) -> 
             return
 
 
-def _describe_nearest_lanes(planner: RoutePlanner, point: Point2) -> str:
+def _describe_nearest_lanes(road: Road, point: Point2) -> str:
     """Describe the nearest lanes of different streets: name, position and heading."""
     found: list[tuple[float, str, str]] = []
-    for name, line in _iterate_lanes(planner):
+    for name, line in _iterate_lanes(road):
         station_m, distance_m = line.project_point(point)
         east, north = line.points_at(station_m)[:2]
         heading_deg = round(float(np.degrees(line.headings_at(station_m))))
@@ -189,21 +194,22 @@ def _describe_nearest_lanes(planner: RoutePlanner, point: Point2) -> str:
     return ", ".join(text for _, _, text in sorted(found)[:SUGGESTED_LANES])
 
 
-def _iterate_lanes(planner: RoutePlanner) -> Iterator[tuple[str, StationedPolyline]]:
+def _iterate_lanes(road: Road) -> Iterator[tuple[str, StationedPolyline]]:
     """Yield the driving lanes between junctions: `<street>.<number>` and centre line."""
-    for street, strip, line in _iterate_strips(planner, StripKind.LANE):
+    for street, strip, line in _iterate_strips(road, StripKind.LANE):
         yield f"{street.id}.{strip.lane_number}", line
 
 
-def iterate_strip_lines(planner: RoutePlanner, kind: StripKind) -> Iterator[StationedPolyline]:
-    """Yield the centre lines of all strips of a kind."""
-    yield from (line for _, _, line in _iterate_strips(planner, kind))
+def iterate_strip_lines(road: Road, kind: StripKind) -> Iterator[StationedPolyline]:
+    """Yield the centre lines of all strips of a kind, in the world."""
+    yield from (line for _, _, line in _iterate_strips(road, kind))
 
 
 def _iterate_strips(
-    planner: RoutePlanner, kind: StripKind
+    road: Road, kind: StripKind
 ) -> Iterator[tuple[StreetLayout, StripLayout, StationedPolyline]]:
-    for street in planner.streets.values():
+    planned = RoutePlanner(to_plan_frame(road)).streets.values()
+    for street in map(mirror_street, planned) if road.is_left_hand else planned:
         for along in (True, False):
             for strip in street.strips_in_direction(along=along):
                 if strip.kind is kind:

@@ -26,6 +26,7 @@ from advercity.compiler.suites import CONNECTED_CLASSES
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.errors import InputError, report_write_errors
 from advercity.foreign.ledger import Ledger
+from advercity.geometry.mirroring import mirror_points
 from advercity.output_files import open_output_folder
 from advercity.recordings.bodies import select_blueprint
 from advercity.recordings.openscenario import read_scenario
@@ -397,7 +398,7 @@ def _check_places(spec: Spec, tracks: Iterable[Track]) -> None:
     if not isinstance(imported, MapNetwork):
         return
     lanes = [
-        lane.centre[:, :2]
+        mirror_points(lane.centre[:, :2]) if spec.road.is_left_hand else lane.centre[:, :2]
         for lane in parse_packed_network(imported.network).lanes
         if lane.permits("passenger") and len(lane.centre) > 1
     ]

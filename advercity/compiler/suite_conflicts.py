@@ -21,6 +21,7 @@ from advercity.conflicts.ego_motion import EgoDrive, build_ego_drive
 from advercity.conflicts.solver import solve_conflict
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.errors import InputError
+from advercity.roads.plan_frame import mirror_conflict, mirror_road, to_plan_frame
 
 _logger = logging.getLogger(__name__)
 CrashGroups = Mapping[str, tuple[CrashGroup, ...]]
@@ -42,8 +43,8 @@ class RoadConflicts:
 
     @cached_property
     def drive(self) -> EgoDrive:
-        """The ego's drive, which takes a second to predict."""
-        return build_ego_drive(self.road)
+        """The ego's drive in the plan frame, which takes a second to predict."""
+        return build_ego_drive(to_plan_frame(self.road))
 
 
 class UnstageableError(Exception):
@@ -130,6 +131,9 @@ def solve_road_conflicts(
         solutions.append(solution)
         if solution.resolved_by == "nobody":
             break  # the scenario ends with the collision
+    road = cell.road
+    if road.is_left_hand:
+        return tuple(map(mirror_conflict, solutions)), mirror_road(drive.road)
     return tuple(solutions), drive.road
 
 

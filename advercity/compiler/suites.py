@@ -30,7 +30,6 @@ from advercity.compiler.agent_places import find_place_problems, iterate_strip_l
 from advercity.compiler.library import Library
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.roads.capacity import describe_excess
-from advercity.roads.routes import RoutePlanner
 
 _logger = logging.getLogger(__name__)
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
@@ -103,9 +102,8 @@ def check_demand(library: Library, road: Road, density: Density) -> None:
         DiagnosticsError: It has not.
     """
     vehicles, walkers = compute_demand_counts(road, density)
-    planner = RoutePlanner(road)
     lane_m, sidewalk_m = (
-        sum(line.length_m for line in iterate_strip_lines(planner, kind))
+        sum(line.length_m for line in iterate_strip_lines(road, kind))
         for kind in (StripKind.LANE, StripKind.SIDEWALK)
     )
     if walkers and not sidewalk_m:

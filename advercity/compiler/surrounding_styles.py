@@ -15,6 +15,7 @@ from advercity_dsl.road import (
 )
 
 from advercity.geometry.polyline import StationedPolyline
+from advercity.roads.plan_frame import mirror_surrounding, to_plan_frame
 from advercity.roads.road_network import build_road
 from advercity.roads.routes import RoutePlanner
 from advercity.roads.streets import StreetLayout
@@ -92,13 +93,15 @@ def grow_surroundings(road: Road, mapped: Sequence[Surrounding] = ()) -> Road:
     """Add what the map of a road has along its streets, and what its style has of other kinds."""
     grown = list(mapped)
     if road.style is not None:
-        style = STYLES[road.style]
+        style, plan = STYLES[road.style], to_plan_frame(road)
         known = {_GENERATED_AS.get(item.kind, item.kind) for item in mapped}
         generated = (
-            *_iterate_bands(road, style),
-            *_iterate_masts(road, style),
-            *_iterate_furniture(road, style),
+            *_iterate_bands(plan, style),
+            *_iterate_masts(plan, style),
+            *_iterate_furniture(plan, style),
         )
+        if road.is_left_hand:
+            generated = tuple(map(mirror_surrounding, generated))
         grown += [
             item for item in generated if _GENERATED_AS.get(item.kind, item.kind) not in known
         ]

@@ -11,8 +11,10 @@ from typing import Literal
 
 import numpy as np
 from advercity_dsl import Conflict, Road, Vehicle
+from advercity_dsl.conflict import Manoeuvre
 from advercity_dsl.road import Sign, StripKind
 
+from advercity.roads.plan_frame import name_in_world, to_plan_frame, to_world_frame
 from advercity.roads.routes import RoutePath, RoutePlanner, build_ego_path
 from advercity.roads.streets import StripLayout
 
@@ -42,7 +44,9 @@ class Binding:
 
 def match_conflict(conflict: Conflict, road: Road, *, called_for: bool) -> Binding:
     """Match a conflict to a road that its typology calls for, or not."""
-    reason = _find_obstacle(conflict, road)
+    turn = name_in_world(conflict.ego.manoeuvre, road)
+    road = to_plan_frame(road)
+    reason = _find_obstacle(conflict, road, turn)
     if reason:
         return Binding("invalid", reason)
     signals = _find_signalled_junctions(road)
@@ -59,8 +63,14 @@ def with_ego_manoeuvre(road: Road, conflict: Conflict) -> Road | None:
     """Return the road with the ego on a route for the conflict's manoeuvre; None if it has none.
 
     Where the conflict wants a free road ahead, connected vehicles that would lead the ego start
-    behind it; where it forbids traffic lights, the ego's junctions have none.
+    behind it; where it forbids traffic lights, the ego's junctions have none. Conflicts name the
+    manoeuvres of right-hand traffic; in left-hand traffic the ego makes their mirror images.
     """
+    plan = _with_ego_manoeuvre(to_plan_frame(road), conflict)
+    return None if plan is None else to_world_frame(plan, road)
+
+
+def _with_ego_manoeuvre(road: Road, conflict: Conflict) -> Road | None:
     if conflict.requires.signals == "forbidden" and road.imported is None:
         road = _without_signals(road)
     if find_usual_manoeuvre(road) == conflict.ego.manoeuvre:
@@ -91,8 +101,11 @@ def find_usual_manoeuvre(road: Road) -> str:
     return "straight" if abs(turn) < STRAIGHT_TURN_RAD else ("left" if turn > 0 else "right")
 
 
-def _find_obstacle(conflict: Conflict, road: Road) -> str:
-    """Find why a conflict does not fit a road, traffic lights aside; empty if it does."""
+def _find_obstacle(conflict: Conflict, road: Road, turn: Manoeuvre) -> str:
+    """Find why a conflict does not fit a road, traffic lights aside; empty if it does.
+
+    The road is in the plan frame, `turn` is the ego's manoeuvre in the world.
+    """
     needs = conflict.requires
     if needs.junction not in ("any", road.junction):
         return (
@@ -104,10 +117,10 @@ def _find_obstacle(conflict: Conflict, road: Road) -> str:
         return "the ego's street is one-way"
     if needs.kerb_space == "required" and not has_kerb_space(road):
         return "it has no kerb space for the cars that hide the actor"
-    if with_ego_manoeuvre(road, conflict) is None:
+    if _with_ego_manoeuvre(road, conflict) is None:
         if find_usual_manoeuvre(road) == conflict.ego.manoeuvre:
             return "no street leads to the ego's, for the vehicles that have to follow it"
-        return f"no route of the ego goes {conflict.ego.manoeuvre} from its arm or in `ego_routes`"
+        return f"no route of the ego goes {turn} from its arm or in `ego_routes`"
     return ""
 
 

@@ -29,6 +29,8 @@ from advercity.conflicts.trajectories import find_crossing, go_straight_on
 from advercity.errors import RunError
 from advercity.frames import WHEELBASE_FRACTION, Signal, Trace
 from advercity.geometry.polyline import StationedPolyline, drop_repeated_points
+from advercity.roads.mirrored_traffic import mirror_trace
+from advercity.roads.plan_frame import to_plan_spec
 from advercity.roads.routes import RoutePlanner, build_ego_path
 
 ADJACENT_LANE_GAP_M = 6.0
@@ -92,6 +94,8 @@ def evaluate_outcomes(spec: Spec, trace: Trace) -> Iterator[ConflictOutcome]:
     Raises:
         RunError: An actor that takes part is not in the trace.
     """
+    if spec.road.is_left_hand:
+        spec, trace = to_plan_spec(spec), mirror_trace(trace)
     ego = spec.ego.number
     for conflict in spec.conflicts:
         actor = conflict.actors[0].number

@@ -69,6 +69,7 @@ class Mesh:
             `scene.rooms` instead.
         layer: What of a body it is.
         maps: Name of images of its own, in place of those of its material; empty for none.
+        writing: First and last vertex, the latter excluded, of every line of writing on it.
     """
 
     name: str
@@ -82,6 +83,7 @@ class Mesh:
     uv: NDArray[np.float32] | None = None
     layer: MeshLayer = MeshLayer.SHAPE
     maps: str = ""
+    writing: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +95,14 @@ class TriangleSurface:
         triangles: (m, 3) rows of `vertices`.
         normals: (n, 3) unit vectors once shaded, else None.
         uv: (n, 2) metres on the images of its material, or None.
+        is_writing: Whether it is a line of writing on a wall.
     """
 
     vertices: Float64Array
     triangles: NDArray[np.int64]
     normals: Float64Array | None = None
     uv: Float64Array | None = None
+    is_writing: bool = False
 
     def to_mesh(
         self, name: str, material: str, semantic: Semantic, wheel: Wheel | None = None
@@ -246,7 +250,13 @@ def repeat_surface(
     step = len(surface.vertices) * np.arange(count)
     triangles = surface.triangles + step[:, None, None]
     uv = None if surface.uv is None else np.tile(surface.uv, (count, 1))
-    return TriangleSurface(vertices.reshape(-1, 3), triangles.reshape(-1, 3), normals, uv)
+    return TriangleSurface(
+        vertices.reshape(-1, 3),
+        triangles.reshape(-1, 3),
+        normals,
+        uv,
+        is_writing=surface.is_writing,
+    )
 
 
 def _rotate_about_z(points: Float64Array, yaw: Float64Array) -> Float64Array:
@@ -365,6 +375,17 @@ def build_meshes(pieces: Sequence[MeshPart], prefix: str = "") -> list[Mesh]:
             ),
             layer=layer,
             maps=maps,
+            writing=_find_writing(surfaces),
         )
         for (layer, number, material, semantic, maps), surfaces in sorted(groups.items())
     ]
+
+
+def _find_writing(surfaces: Sequence[TriangleSurface]) -> tuple[tuple[int, int], ...]:
+    """Find the vertices of lines of writing among surfaces that are joined."""
+    ends = np.cumsum([len(surface.vertices) for surface in surfaces]).tolist()
+    return tuple(
+        (end - len(surface.vertices), end)
+        for surface, end in zip(surfaces, ends, strict=True)
+        if surface.is_writing
+    )

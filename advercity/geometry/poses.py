@@ -48,6 +48,17 @@ def invert_pose(matrix: Matrix) -> Matrix:
     return result
 
 
+def mirror_pose(matrix: Matrix) -> Matrix:
+    """Mirror the place of a body at the x axis (world y negated); it stays a rotation.
+
+    A body that is symmetric about its x-z plane becomes its mirror image.
+    """
+    mirrored = matrix.copy()
+    mirrored[1] = -mirrored[1]
+    mirrored[:, 1] = -mirrored[:, 1]
+    return mirrored
+
+
 def to_yaw_pitch_roll(matrix: Matrix) -> tuple[float, float, float]:
     """Convert a pose or rotation to yaw, pitch and roll in radians; pitch within ±pi/2."""
     yaw = float(np.arctan2(matrix[1, 0], matrix[0, 0]))

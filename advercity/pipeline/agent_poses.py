@@ -25,8 +25,7 @@ from advercity.geometry.geodesy import Geodetic, enu_from_geodetic
 from advercity.geometry.poses import Matrix
 from advercity.physics.timeline import WeatherTimeline
 from advercity.randomness import create_generator, sample_gauss_markov
-from advercity.roads.road_network import build_road
-from advercity.scene.parking import place_parked_cars
+from advercity.scene.parking import find_parked_cars
 from advercity.sensors.can_bus import sample_can_bus
 from advercity.sensors.gnss import ReceiverInPlace, SkyView, measure_gnss
 from advercity.sensors.imu import ImuConditions, measure_imu
@@ -69,7 +68,7 @@ class AgentPoses:
         self._figures = number_figures(trace.actors)
         self._traced = lru_cache(maxsize=4)(trace.build_frame)
         self._shown = lru_cache(maxsize=4)(self._build_frame)
-        self._parked = place_parked_cars(build_road(spec.road), spec.blueprints, spec.conflicts)
+        self._parked = find_parked_cars(spec)
         self._receivers: dict[tuple[str, SatelliteReceiver], ReceiverInPlace] = {}
         road = spec.road
         self._origin = Geodetic(road.origin_lat_deg, road.origin_lon_deg, road.origin_alt_m)

@@ -39,6 +39,7 @@ from advercity.physics.stopping import compute_stopping_distance
 from advercity.physics.weather_text import format_weather
 from advercity.recordings.track_file import unpack_tracks
 from advercity.roads.junction_arms import JunctionArms
+from advercity.roads.plan_frame import to_plan_frame
 from advercity.roads.routes import RoutePlanner
 from advercity.sensors.lidar.received_power import Receiver
 
@@ -242,11 +243,11 @@ def _format_value(value: Any) -> str:
 
 def describe_road(road: Road) -> Description:
     """Describe a road; junctions of three arms or more of a map with the directions of the arms."""
-    planner = RoutePlanner(road)
+    planner = RoutePlanner(to_plan_frame(road))
     arms = {
         f"junction {name}": f"{planner.controls[name]}: {found.describe()}"
         for name in planner.movements
-        if len((found := JunctionArms(planner, name)).directions) > 2
+        if len((found := JunctionArms.of_road(road, name)).directions) > 2
     }
     declared = {
         "junctions": ", ".join(f"{name} ({item.control})" for name, item in road.junctions.items())
@@ -254,11 +255,16 @@ def describe_road(road: Road) -> Description:
     return {
         "road": _format_title(road),
         "place": f"{road.land_use}, {road.junction}, {road.alignment}, {road.profile}",
+        "driving side": _describe_side(road),
         "streets": ", ".join(planner.streets),
         **(arms if road.imported else declared),
         "agents": ", ".join(road.agents),
         **_describe_left_out(road),
     }
+
+
+def _describe_side(road: Road) -> str:
+    return "left" if road.is_left_hand else "right"
 
 
 def _describe_left_out(road: Road) -> Description:
@@ -272,6 +278,7 @@ def describe_spec(spec: Spec) -> Description:
         "scenario": spec.id,
         "road": _format_title(road),
         "place": f"{road.land_use}, {road.junction}, {road.alignment}, {road.profile}",
+        "driving side": _describe_side(road),
         "crash groups": ", ".join(group.typology for group in spec.groups) or "none",
         "conflicts": ", ".join(_describe_conflict(item, spec.timing) for item in spec.conflicts)
         or "none",

@@ -39,6 +39,7 @@ from advercity.rendering.backend import (
     RenderProfile,
     load_backend,
 )
+from advercity.roads.plan_frame import to_plan_frame
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.scene.build import build_world
 from advercity.scene.world_storage import load_body, load_world, save_body, save_world
@@ -94,7 +95,7 @@ def _name_trace_entry(spec: Spec) -> str:
 
 
 def _build_network_file(spec: Spec, path: Path) -> None:
-    write_sumo_network(spec.road, path.parent).replace(path)
+    write_sumo_network(to_plan_frame(spec.road), path.parent).replace(path)
 
 
 def load_or_build_world(spec: Spec, network_path: Path) -> World:

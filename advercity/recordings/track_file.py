@@ -81,15 +81,24 @@ def load_trajectories(
             f"{declared.file}: nothing is in it from {declared.from_s:g} to {declared.to_s:g} s;"
             f" it has {begins:g} to {ends:g} s"
         )
-    packed = base64.b64encode(zlib.compress(format_tracks(kept).encode(), 9)).decode("ascii")
     found = TrajectorySet(
         sha256=digest,
         from_s=declared.from_s,
         to_s=declared.to_s,
         left_out=declared.left_out,
-        tracks=packed,
+        tracks=_pack_tracks(kept),
     )
     return found, {track.id: track for track in unpack_tracks(found)}
+
+
+def mirror_trajectories(packed: TrajectorySet) -> TrajectorySet:
+    """Mirror the tracks of a spec at the x axis."""
+    tracks = [track.mirror() for track in unpack_tracks(packed)]
+    return packed.model_copy(update={"tracks": _pack_tracks(tracks)})
+
+
+def _pack_tracks(tracks: Iterable[Track]) -> str:
+    return base64.b64encode(zlib.compress(format_tracks(tracks).encode(), 9)).decode("ascii")
 
 
 def unpack_tracks(packed: TrajectorySet) -> list[Track]:

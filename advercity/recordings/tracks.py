@@ -52,6 +52,10 @@ class Track:
             headings_rad=self.headings_rad + turn_rad,
         )
 
+    def mirror(self) -> "Track":
+        """Mirror it at the x axis of its frame."""
+        return replace(self, places=self.places * (1.0, -1.0), headings_rad=0.0 - self.headings_rad)
+
     def cut(self, from_s: float, to_s: float) -> "Track | None":
         """Keep the samples of a time and one more on each side; None if fewer than two are left."""
         first = max(int(np.searchsorted(self.times_s, from_s, side="right")) - 1, 0)

@@ -1,7 +1,8 @@
 """Place agents by the arms of a junction: where vehicles come from and go, and where units are.
 
 Directions are radians counter-clockwise from east; the direction of an arm leads away from the
-junction.
+junction. Directions, turns and places are those of the world, also of left-hand roads, whose
+planner is in the plan frame.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from advercity.errors import InputError
 from advercity.roads.imported_streets import start_with_green
+from advercity.roads.plan_frame import mirror_route, mirror_unit, to_plan_frame
 from advercity.roads.routes import RoutePath, RoutePlanner
 
 COMPASS_RAD = {"east": 0.0, "north": np.pi / 2, "west": np.pi, "south": -np.pi / 2}
@@ -49,12 +51,19 @@ class JunctionArms:
     """A junction by its arms.
 
     Attributes:
-        planner: Routes of the road.
+        planner: Routes of the road, in the plan frame.
         junction: Id of the junction.
+        is_left_hand: Whether the plan frame is the mirror image of the world.
     """
 
     planner: RoutePlanner
     junction: str
+    is_left_hand: bool = False
+
+    @staticmethod
+    def of_road(road: Road, junction: str) -> "JunctionArms":
+        """Find the arms of a junction of a road."""
+        return JunctionArms(RoutePlanner(to_plan_frame(road)), junction, road.is_left_hand)
 
     @cached_property
     def directions(self) -> dict[str, float]:
@@ -65,7 +74,7 @@ class JunctionArms:
             for name in (item.from_street, item.to_street)
         )
         return {
-            name: self.planner.approach_heading(name, self.junction) + np.pi
+            name: self._to_world(self.planner.approach_heading(name, self.junction) + np.pi)
             for name in dict.fromkeys(names)
         }
 
@@ -89,7 +98,10 @@ class JunctionArms:
         return found
 
     def _turn_angle(self, item: Movement) -> float:
-        return self.planner.turn_angle(item, self.junction)
+        return self._to_world(self.planner.turn_angle(item, self.junction))
+
+    def _to_world(self, angle_rad: float) -> float:
+        return -angle_rad if self.is_left_hand else angle_rad
 
     def find_arm(self, word: str, ego_arm: str | None = None) -> str:
         """Find the arm, with traffic towards the junction, that a word names.
@@ -130,12 +142,16 @@ class JunctionArms:
         return tuple(name for name in self.directions if self.list_turns(name))
 
     def find_busiest_arm(self) -> str:
-        """Find the arm with an opposite one, most manoeuvres, a left turn, and most northwards."""
+        """Find the most northward arm with an opposite one, most manoeuvres and the crossing turn.
+
+        That is the turn across oncoming traffic: to the left where traffic drives on the right.
+        """
+        crossing_turn = "right" if self.is_left_hand else "left"
 
         def rank(name: str) -> tuple[bool, int, bool, float]:
             direction, turns = self.directions[name], self.list_turns(name)
             has_opposite = self._find_towards(direction + np.pi) is not None
-            return has_opposite, len(turns), "left" in turns, -_gap(direction, np.pi / 2)
+            return has_opposite, len(turns), crossing_turn in turns, -_gap(direction, np.pi / 2)
 
         return max(self._inbound_arms, key=rank)
 
@@ -199,13 +215,14 @@ def _build_route(arms: JunctionArms, movement: Movement, vehicle: ArmVehicle) ->
     path = arms.planner.build_path(route)
     start_m = path.segments[0].end_m - before_m
     spawn = path.point_at(start_m).round(2).tolist()
-    return EgoRoute(
+    found = EgoRoute(
         spawn_m=(spawn[0], spawn[1]),
         heading_deg=round(float(np.degrees(path.heading_at(start_m))), 2),
         destination_m=(destination[0], destination[1]),
         route=route,
         junction=arms.junction,
     )
+    return mirror_route(found) if arms.is_left_hand else found
 
 
 def _move_off_junctions(path: RoutePath, station_m: float) -> tuple[int, float]:
@@ -245,11 +262,11 @@ def _extend_route(
 
 
 def place_unit(arms: JunctionArms, arm: str, unit: ArmUnit) -> RoadsideUnit:
-    """Place sensors at the right of an arm, off all streets, looking at the junction."""
+    """Place sensors at the nearside of an arm, off all streets, looking at the junction."""
     street = arms.planner.streets[arm]
     at_end = street.ends == arms.junction
     station, outward = (street.stations[-1], -1.0) if at_end else (street.stations[0], 1.0)
-    # Seen towards the junction, the right is at negative offsets where the axis leads to it.
+    # Seen towards the junction, the nearside is at negative offsets where the axis leads to it.
     edges = [strip.outer_t for strip in street.strips_in_direction(along=at_end)]
     edge_m = abs(edges[-1]) if edges else 0.0
     paving = shapely.union_all(list(_iterate_areas(arms)))
@@ -262,11 +279,12 @@ def place_unit(arms: JunctionArms, arm: str, unit: ArmUnit) -> RoadsideUnit:
     centre = np.mean([_find_end(arms, name) for name in arms.directions], axis=0)
     yaw = np.arctan2(*(centre - point)[1::-1])
     x, y, z = point.round(2).tolist()
-    return RoadsideUnit(
+    placed = RoadsideUnit(
         position_m=(x, y, round(z + unit.height_m, 2)),
         yaw_deg=round(float(np.degrees(yaw)), 2),
         pitch_deg=unit.pitch_deg,
     )
+    return mirror_unit(placed) if arms.is_left_hand else placed
 
 
 def _find_end(arms: JunctionArms, name: str) -> NDArray[np.float64]:
@@ -306,7 +324,7 @@ class MisplacedAgentError(InputError):
 
 def place_junction_agents(road: Road, declared: JunctionAgents, junction: str) -> Road:
     """Place the agents of a road at one of its junctions; MisplacedAgentError if one cannot be."""
-    arms = JunctionArms(RoutePlanner(road), junction)
+    arms = JunctionArms.of_road(road, junction)
     agents: dict[str, Vehicle | RoadsideUnit] = {}
     ego_arm, ego_routes = None, dict[Manoeuvre, EgoRoute]()
     # The ego first, since the arms of others may be relative to its.

@@ -17,7 +17,9 @@ from advercity.roads import lane_segments
 from advercity.roads.imported_road import ImportedRoadNetwork
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.layout import RoadLayout, lay_out_road
+from advercity.roads.mirrored_network import MirroredRoadNetwork
 from advercity.roads.pedestrian_lights import place_pedestrian_lights
+from advercity.roads.plan_frame import to_plan_frame
 from advercity.roads.road_meshes import KERB_HEIGHT_M, build_road_meshes, is_asphalt
 from advercity.roads.signals import TrafficLight, TrafficSign
 from advercity.roads.streets import StreetLayout, StripLayout, name_crossing_signal
@@ -209,7 +211,9 @@ def _build_paved_area(layout: RoadLayout) -> BaseGeometry:
 
 
 def build_road(road: Road) -> RoadNetwork:
-    """Build a declared road; InputError where its parts do not fit together."""
+    """Build a declared road in its world; InputError where its parts do not fit together."""
+    if road.is_left_hand:
+        return MirroredRoadNetwork(road, build_road(to_plan_frame(road)))
     match road.imported:
         case None:
             return AuthoredRoadNetwork(lay_out_road(road))

@@ -3,7 +3,7 @@
 Across a street, `t` is the offset from its axis in metres, positive to the left of the axis'
 direction. Traffic drives on the right: strips at negative `t` are travelled along the axis (`+`),
 strips at positive `t` against it (`-`). So a street has up to two edges in the SUMO network,
-`<street>+` and `<street>-`.
+`<street>+` and `<street>-`. Left-hand roads are mirrored first (`plan_frame`).
 """
 
 from collections.abc import Mapping
@@ -65,6 +65,7 @@ class StreetLayout:
         right_strips: Strips right of the axis, from the axis outwards.
         axis_paint: Line painted on the axis.
         speed_limit_m_s: Limit in both directions.
+        is_left_hand: Whether it is the mirror image of a street, with traffic on the left.
     """
 
     id: str
@@ -77,6 +78,7 @@ class StreetLayout:
     right_strips: tuple[StripLayout, ...]
     axis_paint: RoadMark | None
     speed_limit_m_s: float
+    is_left_hand: bool = False
 
     def offset_line(self, t: float) -> Points:
         """Compute points (n, 3) at offset `t`, in the direction of the axis."""
@@ -103,7 +105,7 @@ class StreetLayout:
 
     def strips_in_direction(self, *, along: bool) -> tuple[StripLayout, ...]:
         """Strips that are travelled along the axis or against it, from the axis outwards."""
-        return self.right_strips if along else self.left_strips
+        return self.right_strips if along != self.is_left_hand else self.left_strips
 
     def find_lane(self, number: int, *, along: bool) -> StripLayout:
         """Find a driving lane by its number; 1 is the innermost."""

@@ -8,8 +8,10 @@ from advercity_dsl import Spec
 from advercity.geometry.mesh import build_meshes
 from advercity.roads.ironwork import place_ironwork
 from advercity.roads.pavement_repairs import place_repairs
+from advercity.roads.plan_frame import to_plan_spec
 from advercity.roads.road_inlays import build_inlay_meshes
 from advercity.roads.road_network import build_road
+from advercity.scene.mirrored_world import mirror_world
 from advercity.scene.seasons import apply_season
 from advercity.scene.street_furniture import build_street_furniture
 from advercity.scene.surroundings import build_surroundings
@@ -21,8 +23,13 @@ from advercity.world import World
 def build_world(spec: Spec, network: Path) -> World:
     """Build the world of a spec without the bodies of its actors; takes some seconds.
 
-    It depends on the road alone.
+    It depends on the road alone. `network` is in the plan frame.
     """
+    plan = _build_plan_world(to_plan_spec(spec), network)
+    return mirror_world(plan) if spec.road.is_left_hand else plan
+
+
+def _build_plan_world(spec: Spec, network: Path) -> World:
     road = build_road(spec.road)
     ground = GroundModel.from_edges(road.paved_edges, find_plateaus(spec.road))
     surroundings, street_lamps, open_ground = build_surroundings(

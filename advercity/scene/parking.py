@@ -5,14 +5,16 @@ from itertools import count
 
 import numpy as np
 import shapely
-from advercity_dsl import Blueprint, StagedConflict
+from advercity_dsl import Blueprint, Spec, StagedConflict
 from advercity_dsl.road import StripKind, SurroundingKind
 
 from advercity.frames import Actor, ActorState, Lamp
 from advercity.geometry import poses
 from advercity.geometry.boxes import BOX_BASE
 from advercity.randomness import create_generator
-from advercity.roads.road_network import RoadNetwork
+from advercity.roads.mirrored_traffic import mirror_at_rest
+from advercity.roads.plan_frame import to_plan_spec
+from advercity.roads.road_network import RoadNetwork, build_road
 from advercity.roads.streets import StripLayout
 from advercity.scene.site import StreetSide, resolve_street_sides
 from advercity.traffic.paints import draw_paint
@@ -31,6 +33,13 @@ _CLASSES = ("car", "van")
 
 FIRST_PARKED_CAR = 1_000_001
 """Id of the car in the first parking space; ids of traffic are lower."""
+
+
+def find_parked_cars(spec: Spec) -> tuple[ActorState, ...]:
+    """Find the cars and vans that are parked on the road of a spec, in its world."""
+    plan = to_plan_spec(spec)
+    parked = place_parked_cars(build_road(plan.road), plan.blueprints, plan.conflicts)
+    return tuple(map(mirror_at_rest, parked)) if spec.road.is_left_hand else parked
 
 
 def place_parked_cars(

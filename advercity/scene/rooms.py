@@ -53,3 +53,9 @@ def code_panes(numbers: NDArray[np.integer], covers: NDArray[np.integer]) -> Flo
     corners = np.array([(0.25, 0.25), (0.75, 0.25), (0.75, 0.75), (0.25, 0.75)])
     codes = np.column_stack([numbers, covers]).astype(np.float64)
     return (codes[:, None] + corners).reshape(-1, 2)
+
+
+def mirror_panes(uv: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Mirror the coordinates (n, 2) of panes, which keep their rooms and covers."""
+    number = np.floor(uv[:, 0])
+    return np.column_stack([2 * number + 1 - uv[:, 0], uv[:, 1]])

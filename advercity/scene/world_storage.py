@@ -185,11 +185,12 @@ def _decode_bodies(
 
 def _encode_mesh(mesh: Mesh) -> tuple[Any, ...]:
     wheel = None if mesh.wheel is None else (mesh.wheel.hub, mesh.wheel.is_steered)
-    return mesh.name, mesh.material, int(mesh.semantic), wheel, int(mesh.layer), mesh.maps
+    kind = mesh.name, mesh.material, int(mesh.semantic)
+    return *kind, wheel, int(mesh.layer), mesh.maps, mesh.writing
 
 
 def _decode_meshes(rows: list[Any], arrays: Mapping[str, Iterator[Any]]) -> Iterator[Mesh]:
-    for name, material, semantic, wheel, layer, maps in rows:
+    for name, material, semantic, wheel, layer, maps, writing in rows:
         mesh = Mesh(
             name=name,
             material=material,
@@ -197,6 +198,7 @@ def _decode_meshes(rows: list[Any], arrays: Mapping[str, Iterator[Any]]) -> Iter
             wheel=Wheel(tuple(wheel[0]), wheel[1]) if wheel else None,
             layer=MeshLayer(layer),
             maps=maps,
+            writing=tuple((first, last) for first, last in writing),
             **{key: next(arrays[key]) for key in _MESH_ARRAYS},
         )
         _check_arrays(mesh)

@@ -10,6 +10,8 @@ from advercity_dsl import Spec, TrajectorySet
 
 from advercity.errors import InputError, RunError, report_temporary_errors
 from advercity.frames import Trace
+from advercity.roads.mirrored_traffic import mirror_trace
+from advercity.roads.plan_frame import to_plan_spec
 from advercity.traffic.recorded_traffic import build_recorded_trace
 
 EXIT_BAD_INPUT, EXIT_FAILED = 2, 1
@@ -27,7 +29,7 @@ def simulate_in_subprocess(spec: Spec, network: Path) -> Trace:
 
 
 def write_simulated_trace(spec: Spec, network: Path, trace_file: Path) -> None:
-    """Simulate the traffic of a spec on its road's SUMO network and write its trace.
+    """Simulate the traffic of a spec on its road's SUMO network and write its trace in the world.
 
     It depends on the road, the agents' places, the demand, the blueprints, the timing, the traffic
     seed and the drivers' response to the weather, and on nothing else; so all weathers of a road
@@ -36,13 +38,20 @@ def write_simulated_trace(spec: Spec, network: Path, trace_file: Path) -> None:
 
     Args:
         spec: What to simulate.
-        network: The SUMO network of `spec.road`, in world coordinates.
+        network: The SUMO network of `spec.road`, in the plan frame.
         trace_file: File to write.
 
     Raises:
         InputError: The spec asks for something that the road does not have.
         RunError: SUMO failed, or the ego does not get to its destination.
     """
+    _write_plan_trace(to_plan_spec(spec), network, trace_file)
+    if spec.road.is_left_hand:
+        mirror_trace(Trace.load(trace_file)).save(trace_file)
+
+
+def _write_plan_trace(spec: Spec, network: Path, trace_file: Path) -> None:
+    """Simulate a spec in the plan frame and write its trace, in the plan frame too."""
     recorded = spec.road.trajectories
     if isinstance(recorded, TrajectorySet):
         build_recorded_trace(spec, recorded, network).save(trace_file)

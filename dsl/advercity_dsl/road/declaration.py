@@ -29,6 +29,7 @@ from advercity_dsl.road.extent import (
 from advercity_dsl.road.junctions import Junction, Movement
 from advercity_dsl.road.streets import (
     CrossSection,
+    DrivingSide,
     LeftOut,
     MapFile,
     MapNetwork,
@@ -173,11 +174,13 @@ class DeclaredStreets:
         sections: Cross-sections by name.
         streets: Streets by name.
         imported: Whether the streets come from a map, which is read later.
+        is_left_hand: Whether lanes along an axis are on its left.
     """
 
     sections: Mapping[Id, CrossSection]
     streets: Mapping[Id, Street]
     imported: bool
+    is_left_hand: bool = False
 
     def get_strips(self, street: Id, *, right: bool) -> Items[Strip]:
         """Return the strips on one side of a street's axis."""
@@ -264,7 +267,7 @@ def _check_movement(
 def _check_lane(
     network: DeclaredStreets, street: Id, number: int, value_path: ValuePath, *, along: bool
 ) -> None:
-    strips = network.get_strips(street, right=along)
+    strips = network.get_strips(street, right=along != network.is_left_hand)
     count = sum(strip.kind is StripKind.LANE for strip in strips)
     if not 1 <= number <= count:
         side = "along" if along else "against"
@@ -300,6 +303,8 @@ class Road(Declaration):
     """Longitude (WGS84) of the origin."""
     origin_alt_m: Annotated[Metres, Field(ge=-500, le=9000)] = 0.0
     """Height of the origin above the ellipsoid of WGS84, not above sea level."""
+    driving_side: DrivingSide = Field(default="right", exclude_if=lambda side: side == "right")
+    """Side on which traffic drives in the declared `streets`; an imported map has its own."""
     imported: MapNetwork | MapFile | None = Field(default=None, exclude_if=is_none)
     """Map from which the streets are imported, instead of `streets`."""
     sections: ByName[CrossSection] = Field(default_factory=dict)
@@ -340,6 +345,12 @@ class Road(Declaration):
         )
 
     @property
+    def is_left_hand(self) -> bool:
+        """Whether traffic drives on the left."""
+        source = self.imported if isinstance(self.imported, MapNetwork) else self
+        return source.driving_side == "left"
+
+    @property
     def left_out(self) -> Items[LeftOut]:
         """Parts of its map and its recording that are not taken over."""
         sources = (self.imported, self.trajectories)
@@ -356,6 +367,8 @@ class Road(Declaration):
             raise ValueError("a road needs 'streets' or an 'imported' map")
         if self.imported is not None and (self.sections or self.streets or self.junctions):
             raise ValueError("an 'imported' road takes its streets from the map; declare none here")
+        if self.imported is not None and self.driving_side == "left":
+            raise ValueError("'driving_side' is that of the map; declare none here")
         if self.agents and self.at_junction is not None:
             raise ValueError("'at_junction' places the agents; give 'agents' or 'at_junction'")
         return self
@@ -398,7 +411,12 @@ class Road(Declaration):
 
     @model_validator(mode="after")
     def _check_references(self) -> Self:
-        network = DeclaredStreets(self.sections, self.streets, imported=self.imported is not None)
+        network = DeclaredStreets(
+            self.sections,
+            self.streets,
+            imported=self.imported is not None,
+            is_left_hand=self.is_left_hand,
+        )
         for name in self.streets:
             check_street(network, name)
         for name, junction in self.junctions.items():

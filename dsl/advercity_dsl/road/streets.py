@@ -62,7 +62,8 @@ class Strip(CompactModel):
 class CrossSection(Model):
     """Strips on either side of the axis, from the axis outwards.
 
-    Lanes on the right run along the axis, lanes on the left against it. Lane 1 is the innermost.
+    Lanes on the right run along the axis, lanes on the left against it; in left-hand traffic it is
+    the other way round. Lane 1 is the innermost.
     """
 
     left: Items[Strip] = ()
@@ -135,6 +136,9 @@ class Street(CompactModel):
     """Speed limit of the whole street."""
 
 
+DrivingSide = Literal["right", "left"]
+
+
 class MapFile(Model):
     """An external map, from which the compiler builds the road's network.
 
@@ -185,9 +189,8 @@ class MapNetwork(Model):
     """SUMO network, compressed with zlib and encoded in Base64."""
     offset_m: Point2 = Field(default=(0.0, 0.0), exclude_if=lambda offset_m: offset_m == (0.0, 0.0))
     """Coordinates [east, north] in the map of the world frame's origin."""
-    driving_side: Literal["right", "left"] = Field(
-        default="right", exclude_if=lambda side: side == "right"
-    )
-    """Side of the road on which traffic drives."""
+    driving_side: DrivingSide = Field(default="right", exclude_if=lambda side: side == "right")
+    """Side of the road on which traffic drives; the network of a left-hand map is mirrored at the x
+    axis, into a right-hand one."""
     left_out: Items[LeftOut] = Field(default=(), exclude_if=is_empty)
     """Parts of the map that are not taken over."""
