@@ -368,7 +368,7 @@ class Road(Declaration):
         if self.imported is not None and (self.sections or self.streets or self.junctions):
             raise ValueError("an 'imported' road takes its streets from the map; declare none here")
         if self.imported is not None and self.driving_side == "left":
-            raise ValueError("'driving_side' is that of the map; declare none here")
+            raise ValueError("'driving_side' is that of the map; of OSM, declare it in 'imported'")
         if self.agents and self.at_junction is not None:
             raise ValueError("'at_junction' places the agents; give 'agents' or 'at_junction'")
         return self

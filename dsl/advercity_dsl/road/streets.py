@@ -154,7 +154,7 @@ class MapFile(Model):
     """SHA-256 of the file; a map with another one is rejected."""
     extent_m: tuple[Point2, Point2] | None = None
     """Two opposite corners of a rectangle; roads entirely outside are omitted."""
-    driving_side: Literal["left", "right"] | None = Field(default=None, exclude_if=is_none)
+    driving_side: DrivingSide | None = Field(default=None, exclude_if=is_none)
     """Side of the road on which traffic drives in an OpenStreetMap map; by default as its ways say,
     or else as is usual in the country."""
 
