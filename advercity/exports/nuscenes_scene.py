@@ -27,6 +27,9 @@ from advercity.geometry.poses import Matrix
 
 KEY_FRAME_INTERVAL_S = 0.5
 MICROSECONDS = 1_000_000
+START_STEP_US, START_STEPS = 1 << 10, 1 << 33
+"""Steps between the starts of scenarios, more than agents, and their number: together 100 days, so
+that the devkit's seconds, 64-bit numbers, keep nanoseconds."""
 LIDAR_FROM_BODY = poses.pose_matrix((0.0, 0.0, 0.0), yaw=math.pi / 2)
 """From x forward, y left to x right, y forward."""
 DIRECTIONS = (
@@ -147,6 +150,26 @@ class Scene:
                 keys.append(number)
         return tuple(keys)
 
+    @cached_property
+    def start_us(self) -> int:
+        """Time at which the scene begins, in microseconds.
+
+        The devkit sorts scenes by it and cannot if two are equal: scenarios begin at times that
+        their names decide, and their agents a microsecond apart.
+        """
+        step = int(make_token("start", self.scenario.path.name), 16) % START_STEPS
+        agents = [agent.id for agent in self.scenario.spec.agents]
+        return step * START_STEP_US + agents.index(self.agent.id)
+
+    def compute_timestamp_us(self, time_s: float) -> int:
+        """Convert a time since the scenario's start."""
+        return self.start_us + round(time_s * MICROSECONDS)
+
+    def find_stamp_us(self, view: AgentView, channel: Channel) -> int | None:
+        """Find when a sensor measured; None if with the frame."""
+        time_s = view.stamps.get(f"{channel.modality}{channel.number}")
+        return None if time_s is None else self.compute_timestamp_us(time_s)
+
     def is_key(self, frame: FrameView) -> bool:
         """Return whether a frame is a key frame, which is annotated."""
         position = bisect_left(self.key_frames, frame.index)
@@ -167,7 +190,7 @@ class Scene:
     def format_path(self, channel: Channel, frame: FrameView) -> str:
         """Format the path of what a sensor recorded in a frame."""
         folder = "samples" if self.is_key(frame) else "sweeps"
-        stem = f"{self.name}__{channel.name}__{compute_timestamp_us(frame)}"
+        stem = f"{self.name}__{channel.name}__{self.compute_timestamp_us(frame.time_s)}"
         return f"{folder}/{channel.name}/{stem}.{channel.file_format}"
 
     def compute_world_from_ego(self, view: AgentView, channel: Channel | None = None) -> Matrix:
@@ -182,17 +205,6 @@ class Scene:
             return poses.pose_matrix(pose[:3, 3], yaw=yaw)
         length_m = self.scenario.spec.blueprints[self.agent.blueprint].length_m
         return pose @ poses.pose_matrix((-WHEELBASE_FRACTION / 2 * length_m, 0.0, 0.0))
-
-
-def compute_timestamp_us(frame: FrameView) -> int:
-    """Compute the time of a frame since the scenario's start, in microseconds."""
-    return round(frame.time_s * MICROSECONDS)
-
-
-def find_stamp_us(view: AgentView, channel: Channel) -> int | None:
-    """Find when a sensor measured, as `compute_timestamp_us`; None if with the frame."""
-    time_s = view.stamps.get(f"{channel.modality}{channel.number}")
-    return None if time_s is None else round(time_s * MICROSECONDS)
 
 
 def list_scenes(scenario: Scenario, *, only_some_are_key: bool) -> list[Scene]:

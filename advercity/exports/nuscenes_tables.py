@@ -20,8 +20,6 @@ from advercity.digests import compute_json_digest
 from advercity.exports.nuscenes_scene import (
     Channel,
     Scene,
-    compute_timestamp_us,
-    find_stamp_us,
     list_scenes,
     make_token,
     quaternion_of,
@@ -190,7 +188,7 @@ def _write_scenario(
                 {
                     "token": make_token("cooperation", name, frame.index),
                     "log_token": log,
-                    "timestamp": compute_timestamp_us(frame),
+                    "timestamp": scenes[0].compute_timestamp_us(frame.time_s),
                     "sample_tokens": {
                         scene.agent.id: scene.make_sample_token(frame.index) for scene in scenes
                     },
@@ -214,11 +212,11 @@ class _SceneWriter:
         world_from_ego = scene.compute_world_from_ego(view)
         if frame.index == scene.scenario.frame_numbers[0]:
             self._write_calibrations(view)
-        time_us = compute_timestamp_us(frame)
+        time_us = scene.compute_timestamp_us(frame.time_s)
         ego_pose = make_token("ego_pose", scene.name, frame.index)
         self._write_ego_pose(ego_pose, time_us, world_from_ego)
         for channel in scene.channels:
-            stamp_us = find_stamp_us(view, channel)
+            stamp_us = scene.find_stamp_us(view, channel)
             if stamp_us is None:
                 self._write_reading(frame, view, channel, ego_pose, time_us)
                 continue
@@ -230,7 +228,7 @@ class _SceneWriter:
             self._tables["sample"].append(
                 {
                     "token": scene.make_sample_token(frame.index),
-                    "timestamp": compute_timestamp_us(frame),
+                    "timestamp": time_us,
                     "prev": "" if before is None else scene.make_sample_token(before),
                     "next": "" if after is None else scene.make_sample_token(after),
                     "scene_token": scene.token,

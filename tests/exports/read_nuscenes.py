@@ -31,6 +31,12 @@ from nuscenes.utils.geometry_utils import (  # pyright: ignore[reportMissingImpo
 
 root, scratch = sys.argv[1], Path(sys.argv[2])
 nusc = NuScenes(version="v1.0-trainval", dataroot=root, verbose=False)
+nusc.list_scenes()
+
+
+def count_samples_before(sample: Any) -> int:
+    """Number of a sample in its scene."""
+    return count_samples_before(nusc.get("sample", sample["prev"])) + 1 if sample["prev"] else 0
 
 
 def read_sample(sample: Any) -> dict[str, Any]:
@@ -49,7 +55,7 @@ def read_sample(sample: Any) -> dict[str, Any]:
             pixels[channel] = found[:2].T.tolist()
     return {
         "scene": scene["name"],
-        "timestamp": sample["timestamp"],
+        "frame": count_samples_before(sample),
         "ego": ego["translation"],
         "on_mask": bool(mask.is_on_mask(*ego["translation"][:2])),
         "pixels": pixels,

@@ -127,7 +127,7 @@ def test_exports_have_the_times_of_samples_and_the_mounts_of_sensors(
     output = export_dataset("nuscenes", dataset.parent, tmp_path / "nuscenes").output
     rows = {
         name: json.loads((output / "v1.0-trainval" / f"{name}.json").read_text())
-        for name in ("sample_data", "ego_pose", "calibrated_sensor", "sensor")
+        for name in ("sample_data", "ego_pose", "calibrated_sensor", "sensor", "cooperation")
     }
     by_token = {row["token"]: row for table in rows.values() for row in table}
     (sensor,) = (one["token"] for one in rows["sensor"] if one["channel"] == "CAM_FRONT_2")
@@ -140,13 +140,15 @@ def test_exports_have_the_times_of_samples_and_the_mounts_of_sensors(
         one for one in rows["sample_data"] if one["calibrated_sensor_token"] == mounted["token"]
     ]
     stamps_us = np.round(scenario.load_stamps("cav1")["camera1"] * 1e6)
-    assert [one["timestamp"] for one in taken] == stamps_us.tolist()
-    assert [by_token[one["ego_pose_token"]]["timestamp"] for one in taken] == stamps_us.tolist()
+    begins_us = rows["cooperation"][0]["timestamp"] - round(scenario[0].time_s * 1e6)
+    assert [one["timestamp"] - begins_us for one in taken] == stamps_us.tolist()
+    poses_us = [by_token[one["ego_pose_token"]]["timestamp"] - begins_us for one in taken]
+    assert poses_us == stamps_us.tolist()
     ego = by_token[taken[4]["ego_pose_token"]]["translation"]
     now = next(
         one
         for one in rows["ego_pose"]
-        if one["timestamp"] == round(scenario[4].time_s * 1e6)
+        if one["timestamp"] - begins_us == round(scenario[4].time_s * 1e6)
         and math.dist(one["translation"], ego) < 10
     )
     assert math.dist(now["translation"], ego) == pytest.approx(late_s * view.speed_m_s, abs=0.05)
