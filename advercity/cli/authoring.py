@@ -1,13 +1,16 @@
 """Commands that compile, check, describe and start declarations."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from advercity.cli.arguments import DEFAULT_LIBRARIES, JsonOption, LibraryArgument
 from advercity.cli.output import print_data, print_left_out, print_remark
 from advercity.errors import InputError, RunError
+
+if TYPE_CHECKING:
+    from advercity.compiler.settling import Settler
 
 commands = typer.Typer()
 
@@ -20,6 +23,15 @@ def compile_(
     ),
     suite: Annotated[str | None, typer.Option(help="Suite to compile.")] = None,
     check: Annotated[bool, typer.Option("--check", help="Only report stale specs.")] = False,
+    settle: Annotated[
+        bool,
+        typer.Option(
+            "--settle", help="Simulate; seek seeds and waits with which all conflicts happen."
+        ),
+    ] = False,
+    attempts: Annotated[
+        int, typer.Option(min=1, max=1000, help="With --settle: simulations per road at most.")
+    ] = 8,
 ) -> None:
     """Compile a library of declarations into scenario specs."""
     from advercity.compiler import describe_spec_differences, write_specs
@@ -28,7 +40,8 @@ def compile_(
 
     if not check:
         check_is_outside_datasets(output)
-    specs = compile_library(*library, suite=suite)
+    settler = _build_settler(attempts) if settle else None
+    specs = compile_library(*library, suite=suite, settler=settler)
     if check:
         stale = describe_spec_differences(specs, output)
         if stale:
@@ -38,6 +51,13 @@ def compile_(
         return
     print_remark(f"{len(specs)} specs in {output}: {write_specs(specs, output)}")
     print_left_out(specs)
+
+
+def _build_settler(max_attempts: int) -> "Settler":
+    from advercity.compiler.settling import Settler
+    from advercity.pipeline.traffic_report import find_traffic_problems
+
+    return Settler(find_traffic_problems, max_attempts, print_remark)
 
 
 @commands.command()

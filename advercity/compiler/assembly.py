@@ -39,6 +39,7 @@ from advercity.compiler.scenarios import (
     draw_scenario_weather,
     localize_weather,
 )
+from advercity.compiler.settling import SolvedTraffic
 from advercity.compiler.source import format_value_path
 from advercity.compiler.suites import ResolvedSuite, compute_demand_counts, select_sensors
 from advercity.digests import compute_json_digest
@@ -56,10 +57,9 @@ FIRST_VEHICLE_NUMBER = 101
 
 def build_spec(
     library: Library,
-    suite: Suite,
     inputs: ScenarioInputs,
     groups: tuple[CrashGroup, ...],
-    conflicts: tuple[StagedConflict, ...],
+    traffic: SolvedTraffic,
     resolved: ResolvedSuite,
     assets: Mapping[str, str],
 ) -> Spec:
@@ -67,13 +67,13 @@ def build_spec(
 
     Args:
         library: Library of all declarations.
-        suite: The suite that is crossed.
-        inputs: Declarations of the scenario.
+        inputs: Declarations of the scenario, with the road of its traffic.
         groups: Crash groups for which its road was selected; the spec has those that it stages.
-        conflicts: Solved conflicts.
+        traffic: Its suite, and the solved conflicts.
         resolved: Declarations of the suite.
         assets: Checksums of what the scenario takes from files of others.
     """
+    suite, conflicts = traffic.suite, traffic.conflicts
     road, density, drivers = inputs.road, inputs.density, resolved.drivers
     declarations = [suite, road, inputs.weather, density, inputs.rig, inputs.catalogue]
     declarations += [*inputs.conflicts.conflicts, *([drivers] if drivers else [])]
@@ -114,6 +114,7 @@ def build_spec(
             conflict=inputs.conflicts.crossed_id,
             sweep=SweepPoint(field=step.field, value=step.value) if step else None,
             repeat=inputs.repeat,
+            settled=traffic.settlement,
             # Replaced below, since the digest covers everything but itself.
             digest="0" * 64,
         ),

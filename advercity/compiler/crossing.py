@@ -10,7 +10,7 @@ from itertools import product
 from pathlib import Path
 from typing import TypeVar
 
-from advercity_dsl import Road, Spec, StagedConflict, Suite, Typology
+from advercity_dsl import Road, Spec, Suite, Typology
 from advercity_dsl.base import suggest_name
 from advercity_dsl.spec import CrashGroup
 
@@ -30,6 +30,7 @@ from advercity.compiler.scenarios import (
     expand_sweep,
     parse_conditions,
 )
+from advercity.compiler.settling import Settler, SolvedTraffic
 from advercity.compiler.shipped_library import find_shipped_library
 from advercity.compiler.spec_files import read_spec
 from advercity.compiler.suite_conflicts import (
@@ -60,20 +61,23 @@ MAX_PROBLEMS = 20
 """Number of equal ids that are reported."""
 
 
-def compile_library(*folders: str | os.PathLike[str], suite: str | None = None) -> list[Spec]:
+def compile_library(
+    *folders: str | os.PathLike[str], suite: str | None = None, settler: Settler | None = None
+) -> list[Spec]:
     """Compile the scenarios of a suite; `advercity.write_specs` puts them into files.
 
     Args:
         folders: Libraries of declarations, which may refer to each other. Without any, the library
             that ships with advercity.
         suite: Id of the suite; None is the libraries' default or only suite.
+        settler: Seeks seeds and waits with which staged conflicts happen, by simulation.
 
     Raises:
         InputError: The text lists every problem with file, line, column and a hint.
     """
     paths = [Path(folder) for folder in folders] or [find_shipped_library()]
     library = load_library(*paths)
-    return compile_suite(library, find_suite(library, *paths, suite=suite))
+    return compile_suite(library, find_suite(library, *paths, suite=suite), settler=settler)
 
 
 def find_suite(library: Library, *folders: Path, suite: str | None = None) -> Suite:
@@ -170,13 +174,16 @@ def check_not_edited(spec: Spec, where: object) -> None:
         )
 
 
-def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -> list[Spec]:
+def compile_suite(
+    library: Library, suite: Suite, *, require_sun: bool = True, settler: Settler | None = None
+) -> list[Spec]:
     """Compile every scenario of a suite: by road, weather, density, sweep step and repeat.
 
     Args:
         library: Library of all declarations.
         suite: Suite to compile.
         require_sun: Whether a sun in view of the ego must have been computed; any is used if not.
+        settler: Seeks seeds and waits with which staged conflicts happen, by simulation.
 
     Raises:
         DiagnosticsError: A name is unknown, a required kind of road is missing, a road is not
@@ -194,20 +201,20 @@ def compile_suite(library: Library, suite: Suite, *, require_sun: bool = True) -
         partial(check_demand, library, inputs.road, inputs.density)
         for inputs in by_traffic.values()
     )
-    solved = _solve_conflicts(library, suite, by_traffic)
-    assets = {key: _list_assets(library, by_traffic[key]) for key in solved}
-    specs: list[Spec] = []
-    for inputs in scenarios:
-        if inputs.traffic_key not in solved:
-            continue
-        conflicts, road = solved[inputs.traffic_key]
-        own_assets = assets[inputs.traffic_key]
-        inputs = replace(inputs, road=road)
-        own_groups = groups[road.id]
-        specs.append(
-            build_spec(library, suite, inputs, own_groups, conflicts, resolved, own_assets)
-        )
-    return specs
+
+    def build(inputs: ScenarioInputs, traffic: SolvedTraffic) -> Spec:
+        inputs = replace(inputs, road=traffic.road)
+        assets = _list_assets(library, inputs)
+        return build_spec(library, inputs, groups[inputs.road.id], traffic, resolved, assets)
+
+    solve = partial(_solve_traffic, library)
+    settle = partial(settler.settle, solve=solve, build=build) if settler else solve
+    solved = _solve_all(library, suite, by_traffic, settle)
+    return [
+        build(inputs, solved[inputs.traffic_key])
+        for inputs in scenarios
+        if inputs.traffic_key in solved
+    ]
 
 
 def _list_assets(library: Library, inputs: ScenarioInputs) -> dict[str, str]:
@@ -218,28 +225,36 @@ def _list_assets(library: Library, inputs: ScenarioInputs) -> dict[str, str]:
     return models | {name: pack.digest for name, pack in TEXTURE_PACKS.items()}
 
 
-def _solve_conflicts(
-    library: Library, suite: Suite, scenarios: Mapping[TrafficKey, ScenarioInputs]
-) -> dict[TrafficKey, tuple[tuple[StagedConflict, ...], Road]]:
+def _solve_traffic(library: Library, suite: Suite, inputs: ScenarioInputs) -> SolvedTraffic:
+    conflicts, road = solve_road_conflicts(
+        library,
+        suite,
+        inputs.conflicts,
+        inputs.density,
+        inputs.blueprints,
+        ego=find_ego_blueprint(suite, inputs),
+        repeat_key=inputs.repeat_key,
+    )
+    return SolvedTraffic(suite, conflicts, road)
+
+
+def _solve_all(
+    library: Library,
+    suite: Suite,
+    scenarios: Mapping[TrafficKey, ScenarioInputs],
+    solve: Callable[[Suite, ScenarioInputs], SolvedTraffic],
+) -> dict[TrafficKey, SolvedTraffic]:
     """Solve the conflicts of scenarios by what their traffic depends on, and time lights.
 
     Solving is slow and ignores the weather: it is done once per road, density, sweep step and
     repeat. Where a crossed conflict has no place, it is left out, with a warning that says why.
     """
-    solved: dict[TrafficKey, tuple[tuple[StagedConflict, ...], Road]] = {}
+    solved: dict[TrafficKey, SolvedTraffic] = {}
     errors: list[Diagnostic] = []
     refusals: list[UnstageableError] = []
     for key, inputs in scenarios.items():
         try:
-            solved[key] = solve_road_conflicts(
-                library,
-                suite,
-                inputs.conflicts,
-                inputs.density,
-                inputs.blueprints,
-                ego=find_ego_blueprint(suite, inputs),
-                repeat_key=inputs.repeat_key,
-            )
+            solved[key] = solve(suite, inputs)
         except UnstageableError as refusal:
             if _may_be_left_out(library, inputs, refusal):
                 refusals.append(refusal)

@@ -38,6 +38,15 @@ def compute_traffic_reports(specs: Iterable[Spec]) -> Iterator[TrafficReport]:
         yield replace(known[traffic.trace_sha256], spec=spec.id)
 
 
+def find_traffic_problems(spec: Spec) -> str:
+    """Find what does not happen as declared in the traffic of a spec; empty if everything does."""
+    try:
+        (report,) = compute_traffic_reports([spec])
+    except RunError as error:
+        return str(error).removeprefix(f"{spec.id}: ")
+    return "; ".join(report.problems)
+
+
 def simulate_to_folder(spec: Spec, output: Path, *, with_video: bool = True) -> TrafficReport:
     """Write `trace.npz`, `report.json` and `plan.mp4` to `<output>/<spec id>/`, all or none.
 

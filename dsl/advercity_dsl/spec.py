@@ -19,7 +19,7 @@ from advercity_dsl.traffic import (
     ReactionConditions,
     TimedDriverResponse,
 )
-from advercity_dsl.units import Count, Fraction, Number, PositiveMetres
+from advercity_dsl.units import Count, Fraction, Number, PositiveMetres, Seconds
 from advercity_dsl.weather import Weather
 
 SPEC_VERSION = 1
@@ -81,6 +81,17 @@ class SweepPoint(Model):
     value: Number
 
 
+class Settlement(Model):
+    """Seed and waits that were found by simulation, in place of those that are declared."""
+
+    traffic: Count
+    """Seed of traffic, as of a suite."""
+    waits_s: ByName[Seconds] = Field(default_factory=dict, exclude_if=is_empty)
+    """Time for which connected vehicles wait at their start, where it is not the declared one."""
+    attempts: Annotated[Count, Field(ge=1)]
+    """Number of simulations until all conflicts happened."""
+
+
 class Provenance(Model):
     """Inputs that a spec was compiled from."""
 
@@ -95,6 +106,8 @@ class Provenance(Model):
     """Conflict that the suite crossed its roads with."""
     repeat: Count | None = Field(default=None, exclude_if=is_empty)
     """Number of the scenario among those that differ in traffic alone, from 1."""
+    settled: Settlement | None = Field(default=None, exclude_if=is_empty)
+    """Outcome of the search for traffic in which all conflicts happen; None without a search."""
     digest: Digest
     """SHA-256 of the spec itself, this field excluded."""
 
