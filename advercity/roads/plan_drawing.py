@@ -229,7 +229,7 @@ def _draw_grid(canvas: PlanCanvas) -> None:
             ends = np.array([low, high])
             ends[:, axis] = value
             canvas.line(ends, GRID_COLOUR)
-            canvas.text(ends[0] + 2 * (1 - axis), f"{value:g}", needed=True)
+            canvas.text(ends[0] + 2 * (1 - axis), f"{value + 0.0:g}", needed=True)
 
 
 def _fill_area(canvas: PlanCanvas, area: BaseGeometry, colour: tuple[int, int, int]) -> None:
