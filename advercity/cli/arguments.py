@@ -74,7 +74,7 @@ def parse_frame_slice(text: str | None) -> slice:
 
     if text is None:
         return slice(None)
-    match = re.fullmatch(r"(\d*):(\d*)(?::(\d+))?", text)
+    match = re.fullmatch(r"([0-9]{0,9}):([0-9]{0,9})(?::([0-9]{1,9}))?", text)
     if match is None:
         raise InputError(f"--frames {text}: not a range; write A:B or A:B:STEP, as 0:30")
     first, last, step = (int(part) if part else None for part in match.groups())

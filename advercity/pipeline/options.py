@@ -142,7 +142,7 @@ def parse_duration(option: str, text: str) -> float:
 
 
 def _parse_quantity(option: str, text: str, units: Mapping[str, int], example: str) -> float:
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*", text)
+    match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([A-Za-z]+)\s*", text)
     if match is None or match[2] not in units or not float(match[1]):
         raise InputError(
             f"{option} {text}: not a positive number with a unit"

@@ -55,7 +55,7 @@ def _check_field_path(path: str) -> str:
     if (
         kind not in CROSSED_KINDS
         or not parts
-        or not all(re.fullmatch(r"[a-z0-9_]+", p) for p in parts)
+        or not all(re.fullmatch(r"[a-z0-9_]{1,64}", p) for p in parts)
     ):
         kinds = ", ".join(CROSSED_KINDS)
         raise ValueError(f"'{path[:60]}' is not a field; begin with a kind ({kinds}): weather.time")

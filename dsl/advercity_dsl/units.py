@@ -61,7 +61,7 @@ UNITS: dict[str, tuple[str, float]] = {
 """Dimension of each unit, and its size relative to the unit of size 1 in that dimension."""
 ZEROES = {"degF": 32.0}
 """Readings of units whose zero is not that of their dimension's unit of size 1."""
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _QUANTITY = re.compile(rf"^\s*({_NUMBER}|inf)\s*(\S.*?)?\s*$")
 
 

@@ -52,6 +52,8 @@ def test_an_output_that_is_a_file_is_bad_input_and_stays_as_it_is(
         (["--frames", "3"], "not a range; write A:B"),
         (["--frames", "5:5"], "--frames 5:5: holds no frame"),
         (["--frames", "0:5:0"], "step above 0"),
+        (["--frames", "\u0660:\u0663"], "not a range; write A:B"),
+        (["--frames", f"0:{'9' * 5000}"], "not a range; write A:B"),
         (["--scale", "0"], "is outside 0.01 to 4"),
         (["--weather", "fog_dya"], "did you mean 'fog_day'?"),
         (["--stream", "--rrd", "x.rrd"], "exclude each other"),

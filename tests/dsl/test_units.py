@@ -38,6 +38,7 @@ def test_values_that_are_not_text_are_unchanged(value: object) -> None:
     ("unit", "text", "message"),
     [
         ("m", "2,5 m", "has a comma; write a point, as in 2.5 m"),
+        ("m", "\u0663 m", "is not a length; write e.g. 10 m"),
         ("m", "thick", "'thick' is not a length; write e.g. 10 m"),
         ("m", "75", "'75' is text; remove the quotes, or add a unit: 10 m"),
         ("m", "75 s", "'s' is a unit of time; units of length: um, mm, cm, m, km, in, ft, mi"),
