@@ -87,18 +87,20 @@ def find_blockers(spec: Spec, trace: Trace, number: int) -> Iterator[int]:
     for conflict in spec.conflicts:
         rows, area = _find_hold_up_area(track, conflict.point_m)
         ticks = track.rows["tick"][rows]
-        found = list(_find_inside(background, ticks, area))
+        found = list(_find_inside(background, track.at_ticks(ticks), area))
         waits = rows[track.rows["speed"][rows] < HELD_UP_SPEED_M_S]
         nearby = shapely.union_all(track.boxes[waits]).buffer(GIVEN_WAY_RANGE_M)
-        yield from found or _find_inside(walkers, ticks, nearby)
+        yield from found or _find_inside(walkers, track.at_ticks(ticks), nearby)
 
 
 def _find_inside(
-    others: Iterable[ActorTrack], ticks: NDArray[np.int32], area: shapely.Geometry
+    others: Iterable[ActorTrack], held_up: ActorTrack, area: shapely.Geometry
 ) -> Iterator[int]:
     for other in others:
-        present = np.intersect1d(other.rows["tick"], ticks)
-        if shapely.intersects(other.at_ticks(present).boxes, area).any():
+        present = np.intersect1d(other.rows["tick"], held_up.rows["tick"])
+        found = other.at_ticks(present)
+        is_level = found.is_level_with(held_up.at_ticks(present))
+        if (shapely.intersects(found.boxes, area) & is_level).any():
             yield other.actor
 
 
@@ -148,6 +150,7 @@ def _is_too_near(track: ActorTrack, other: ActorTrack, headway_s: float) -> bool
     radii = (np.linalg.norm(own_now.size) + np.linalg.norm(other_now.size)) / 2
     gaps = np.linalg.norm(own_now.centres - other_now.centres, axis=1)
     close = gaps <= radii + MIN_CLEARANCE_M + headway_s * other_now.rows["speed"]
+    close &= own_now.is_level_with(other_now)
     if not close.any():
         return False
     own_boxes = own_now.at_ticks(ticks[close]).boxes

@@ -1,6 +1,7 @@
 """How near actors come to each other: distance, time to collision, post-encroachment time.
 
-All of it is measured on a trace, on outlines on the ground; heights play no part.
+All of it is measured on a trace, on outlines on the ground, between actors that are about equally
+high: those above and below a bridge never meet.
 """
 
 from collections.abc import Iterator
@@ -19,7 +20,8 @@ UNIT_BOX_CORNERS = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) / 2
 PREDICTION_HORIZON_S = 6.0
 """Time ahead over which the paths of two actors are compared."""
 PREDICTION_STEP_S = 0.1
-
+LEVEL_GAP_M = 2.5
+"""Difference of heights from which one of two actors is above the other; decks are 4 m higher."""
 CHORD_M = 2.0
 """Length of the chords that give the heading of a path."""
 
@@ -115,7 +117,7 @@ class ActorTrack:
         rows["travelled"] += np.tile(after_s, len(ticks)) * rows["speed"]
         stations = self.rows["travelled"]
         beyond = np.maximum(rows["travelled"] - stations[-1], 0)
-        for name in ("x", "y", "yaw"):
+        for name in ("x", "y", "z", "yaw"):
             rows[name] = np.interp(rows["travelled"], stations, self.rows[name])
         rows["x"] += beyond * np.cos(rows["yaw"])
         rows["y"] += beyond * np.sin(rows["yaw"])
@@ -140,6 +142,10 @@ class ActorTrack:
     def centres(self) -> NDArray[np.float64]:
         """World positions (n, 2)."""
         return np.column_stack([self.rows["x"], self.rows["y"]])
+
+    def is_level_with(self, other: "ActorTrack") -> NDArray[np.bool_]:
+        """Return whether (n,) neither is above the other, of tracks with as many rows (n,)."""
+        return np.abs(self.rows["z"] - other.rows["z"]) < LEVEL_GAP_M
 
     @property
     def axes(self) -> NDArray[np.float64]:
@@ -177,10 +183,11 @@ def measure_encounter(
     if len(ticks) == 0:
         return None
     own_now, other_now = own.at_ticks(ticks), other.at_ticks(ticks)
-    distances = shapely.distance(own_now.boxes, other_now.boxes)
-    if distances.min() > within_m:
+    is_level = own_now.is_level_with(other_now)
+    distances = np.where(is_level, shapely.distance(own_now.boxes, other_now.boxes), np.inf)
+    if not is_level.any() or distances.min() > within_m:
         return None
-    collision_s = compute_time_to_collision(own_now, other_now)
+    collision_s = np.where(is_level, compute_time_to_collision(own_now, other_now), np.inf)
     path_collision_s = compute_path_time_to_collision(own, other, ticks)
     return Encounter(
         first=first,
@@ -237,6 +244,8 @@ def _compute_post_encroachment(
     own: ActorTrack, other: ActorTrack, tick_s: float
 ) -> MetricAtTick | None:
     other_row, own_row = shapely.STRtree(own.boxes).query(other.boxes, predicate="intersects")
+    is_level = np.abs(own.rows["z"][own_row] - other.rows["z"][other_row]) < LEVEL_GAP_M
+    other_row, own_row = other_row[is_level], own_row[is_level]
     if len(own_row) == 0:
         return None
     own_ticks, other_ticks = own.rows["tick"][own_row], other.rows["tick"][other_row]
@@ -257,9 +266,9 @@ def compute_path_time_to_collision(
     times = np.full(len(ticks), np.inf)
     near = _can_meet(own.at_ticks(ticks), other.at_ticks(ticks))
     ahead = np.arange(0, PREDICTION_HORIZON_S, PREDICTION_STEP_S)
-    touch = shapely.intersects(
-        own.extrapolate(ticks[near], ahead).boxes, other.extrapolate(ticks[near], ahead).boxes
-    ).reshape(-1, len(ahead))
+    own_ahead, other_ahead = (track.extrapolate(ticks[near], ahead) for track in (own, other))
+    meets = shapely.intersects(own_ahead.boxes, other_ahead.boxes)
+    touch = (meets & own_ahead.is_level_with(other_ahead)).reshape(-1, len(ahead))
     times[near] = np.where(touch.any(axis=1), ahead[touch.argmax(axis=1)], np.inf)
     return times
 
@@ -299,7 +308,8 @@ def find_overlaps(trace: Trace, *, min_area_m2: float = 0.0) -> Iterator[BoxOver
         for pair in shapely.STRtree(boxes[now]).query(boxes[now], "intersects").T:
             first, second = now[pair]
             # The tree finds each pair twice, and every box in itself.
-            if first < second and vehicles[first] != vehicles[second]:
+            is_level = abs(rows["z"][first] - rows["z"][second]) < LEVEL_GAP_M
+            if first < second and vehicles[first] != vehicles[second] and is_level:
                 area = float(shapely.area(shapely.intersection(boxes[first], boxes[second])))
                 if area > min_area_m2:
                     yield BoxOverlap(int(ids[first]), int(ids[second]), tick, area)

@@ -228,7 +228,9 @@ def find_perception(
             track = ActorTrack.from_trace(trace, other.id)
             both = np.isin(ticks, track.rows["tick"])
             behind = np.zeros(len(ticks), dtype=bool)
-            behind[both] = shapely.intersects(sights[both], track.at_ticks(ticks[both]).boxes)
+            now = track.at_ticks(ticks[both])
+            is_level = now.is_level_with(ego.at_ticks(ticks[both]))
+            behind[both] = shapely.intersects(sights[both], now.boxes) & is_level
             hiders[other.id] = behind
             hidden |= behind
     if not hidden.any():

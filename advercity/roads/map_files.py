@@ -54,9 +54,22 @@ def read_map_file(declared: MapFile, folder: Path) -> LoadedMap:
             f"{declared.file}: begins with <{root.tag[:40]}>, not"
             f" <{ROOT_TAGS[declared.source]}>{hint}"
         )
+    if declared.source == "osm" and _is_lanelet2(root):
+        raise InputError(
+            f"{declared.file}: is a Lanelet2 map, whose lanes are relations in OpenStreetMap's XML;"
+            " give an OpenDRIVE map of the place, or an extract of OpenStreetMap"
+        )
     if declared.source != "sumo":
         _remove_file_references(root)
     return LoadedMap(root, digest)
+
+
+def _is_lanelet2(root: Element) -> bool:
+    return any(
+        tag.get("k") == "type" and tag.get("v") == "lanelet"
+        for relation in root.iter("relation")
+        for tag in relation.iter("tag")
+    )
 
 
 def _remove_file_references(root: Element) -> None:

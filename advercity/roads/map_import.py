@@ -48,6 +48,7 @@ OSM_OPTIONS = {
     "keep-edges.by-vclass": WALKED_CLASSES,
     "remove-edges.by-type": REMOVED_TYPE,
     "osm.sidewalks": "true",
+    "osm.elevation": "true",
     "geometry.remove": "true",
     "junctions.join": "true",
     "tls.discard-simple": "true",

@@ -14,6 +14,7 @@ from advercity.foreign.ledger import Ledger
 from advercity.foreign.xml_documents import get_line
 from advercity.roads.driving_sides import find_left_hand_region
 from advercity.roads.map_plan import MapPlan, Side
+from advercity.roads.osm_levels import set_heights
 from advercity.roads.osm_map import OsmMap, add_sidewalks, mark_paths, read_tags
 from advercity.roads.osm_mirror import mirror_tags
 from advercity.roads.osm_roundabouts import round_roundabouts
@@ -44,7 +45,9 @@ def plan_extract(
         mirror_tags(root)
     osm = OsmMap.around(road, root, is_mirrored=side == "left")
     plan = osm.build_plan()
-    mark_paths(plan, find_streets(plan))
+    streets = find_streets(plan)
+    mark_paths(plan, streets)
+    set_heights(plan, streets, ledger)
     if road.land_use == "urban":
         add_sidewalks(osm)
     return MapPlan(plan, side, tuple(osm.list_points("highway", "crossing")))

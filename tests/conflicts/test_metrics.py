@@ -172,3 +172,17 @@ def test_a_track_that_ends_rolls_on_parallel_to_its_lane():
     assert on.centres[-1] == pytest.approx([10.0, 5.5])
     assert on.rows["travelled"][-1] == pytest.approx(15.0)
     assert on.rows["yaw"][-1] == pytest.approx(np.pi / 2)
+
+
+@pytest.mark.parametrize(
+    ("above_m", "meets"), [(0.0, True), (2.4, True), (2.6, False), (-6, False)]
+)
+def test_actors_on_streets_above_each_other_never_meet(above_m: float, meets: bool) -> None:
+    """Both pass the origin after 2 s, at right angles."""
+    trace = trace_of(straight(-20, 0, 0, 10), straight(0, -20, 90, 10))
+    trace.states["z"][trace.states["actor"] == 1] = above_m
+
+    encounter = measure_encounter(trace, 1, 2)
+
+    assert (encounter is not None) == meets
+    assert bool(list(find_overlaps(trace))) == meets
