@@ -1,4 +1,4 @@
-"""Commands that import recorded traffic."""
+"""Commands that import maps and recorded traffic of others."""
 
 import inspect
 from collections.abc import Callable
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 imports = typer.Typer(
     name="import",
-    help="Take over traffic that others recorded.",
+    help="Take over maps, and traffic that others recorded.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -110,6 +110,75 @@ def _with_choice(command: Callable[..., None]) -> Callable[..., None]:
     run.__signature__ = signature  # pyright: ignore[reportFunctionMemberAccess]
     run.__name__, run.__doc__ = command.__name__, command.__doc__
     return run
+
+
+SuggestOption = Annotated[
+    bool, typer.Option("--suggest", help="Print what each junction can stage, and the YAML.")
+]
+DeclarationsOption = Annotated[
+    Path | None,
+    typer.Option("--output", help="Folder for road, suite and a copy of the map.", file_okay=False),
+]
+NameOption = Annotated[
+    str | None, typer.Option(help="Id of road and suite (default: name of the file).")
+]
+
+
+@imports.command()
+def osm(
+    file: Annotated[Path, typer.Argument(help="Extract of OpenStreetMap (*.osm).")],
+    suggest: SuggestOption = False,
+    output: DeclarationsOption = None,
+    name: NameOption = None,
+) -> None:
+    """Suggest conflicts at the junctions of an OpenStreetMap extract."""
+    _suggest(file, "osm", name, output, is_printed=suggest)
+
+
+@imports.command()
+def opendrive(
+    file: Annotated[Path, typer.Argument(help="OpenDRIVE file (*.xodr).")],
+    suggest: SuggestOption = False,
+    output: DeclarationsOption = None,
+    name: NameOption = None,
+) -> None:
+    """Suggest conflicts at the junctions of an OpenDRIVE file."""
+    _suggest(file, "opendrive", name, output, is_printed=suggest)
+
+
+def _suggest(
+    file: Path,
+    source: Literal["osm", "opendrive"],
+    name: str | None,
+    output: Path | None,
+    *,
+    is_printed: bool,
+) -> None:
+    from advercity.cli import tables
+    from advercity.compiler.map_suggestions import suggest_conflicts, write_suggestions
+    from advercity.dataset.scenario_folders import check_is_outside_datasets
+
+    if not is_printed and output is None:
+        raise InputError("give --suggest to print suggestions, or --output DIR to write them")
+    if output is not None:
+        check_is_outside_datasets(output)
+    found = suggest_conflicts(file, source, name)
+    rows = [
+        {
+            "junction": item.junction,
+            "control": item.control,
+            "arms": item.arms,
+            "stages": ", ".join(item.conflicts) or f"nothing: {item.reason}",
+        }
+        for item in found.junctions
+    ]
+    if is_printed:
+        print_data(tables.format_columns(rows))
+        for title, text in found.documents.items():
+            print_data(f"\n# {title}\n{text.rstrip()}")
+    if output is not None:
+        for path in write_suggestions(found, file, output):
+            print_remark(str(path))
 
 
 @imports.command()

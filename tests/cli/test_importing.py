@@ -1,5 +1,6 @@
 """Commands that import recorded traffic make specs that every other command takes."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from tests.recordings.recorded_files import (
     write_openscenario,
     write_street,
 )
+from tests.roads.imported_roads import DATA
 
 SHIPPED = find_shipped_library()
 
@@ -212,3 +214,22 @@ def test_compile_and_show_list_what_a_recording_has_and_the_data_have_not(
 
     assert "road 'hill': left out: 3 trams (line 7)" in ran.err
     assert "3 trams (line 7)" in shown.out
+
+
+def test_suggestions_are_printed_or_written(advercity: Command, tmp_path: Path) -> None:
+    town = tmp_path / "3rd Town.osm"
+    shutil.copy(DATA / "crossroads.osm", town)
+
+    asked = advercity("import", "osm", town)
+    assert (asked.code, asked.out) == (2, "")
+    assert "--suggest" in asked.err
+
+    printed = advercity("import", "osm", town, "--suggest")
+    assert printed.code == 0
+    assert "# town_3rd_town.yaml\nkind: road\nid: town_3rd_town\n" in printed.out
+
+    folder = tmp_path / "mine"
+    assert advercity("import", "osm", town, "--output", folder, "--name", "mine").code == 0
+    again = advercity("import", "osm", town, "--output", folder, "--name", "mine")
+    assert again.code == 2
+    assert "already exists" in again.err

@@ -1,0 +1,277 @@
+"""Conflicts that the junctions of a map can stage, with the road and the suite to paste.
+
+Conflicts are bound and solved, not simulated: whether other traffic lets them happen shows
+`compile --settle`.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import yaml
+from advercity_dsl import Blueprint, Catalogue, Conflict, Density, MapFile, Road, Suite
+from advercity_dsl.road import JunctionAgents
+
+from advercity.atomic_files import write_atomically
+from advercity.compiler.library import Library, load_library
+from advercity.compiler.shipped_library import find_shipped_library
+from advercity.compiler.suite_conflicts import (
+    RoadConflicts,
+    UnstageableError,
+    solve_road_conflicts,
+)
+from advercity.conflicts.binding import match_conflict, with_ego_manoeuvre
+from advercity.errors import InputError, report_write_errors
+from advercity.roads.junction_arms import JunctionArms, MisplacedAgentError, place_junction_agents
+from advercity.roads.map_files import read_map_file
+from advercity.roads.map_import import import_map
+from advercity.roads.routes import RoutePlanner
+
+MapSource = Literal["opendrive", "osm", "sumo"]
+MAX_NAME_LENGTH = 12
+"""Of a road that is named after its file: ids of specs also hold junction, conflict and weather."""
+WEATHER, DENSITY, LIBRARY_NAME = "fog_day", "sparse", "adver_city"
+UNIT = {"kind": "roadside_unit", "arm": "same"}
+CREWS: Mapping[str, Mapping[str, Mapping[str, str]]] = {
+    "": {
+        "cav1": {"kind": "vehicle", "role": "ego"},
+        "cav2": {"kind": "vehicle", "arm": "opposite"},
+        "rsu1": UNIT,
+    },
+    "_alone": {"cav1": {"kind": "vehicle", "role": "ego"}, "rsu1": UNIT},
+}
+"""Agents of a junction by the end of the road's id; the second crew where nothing is opposite."""
+ROAD = {
+    "land_use": "urban",
+    "junction": "intersection",
+    "alignment": "straight",
+    "profile": "level",
+}
+TRAFFIC = {
+    "vehicles_per_area": 1,
+    "walkers": 8,
+    "crossing_share": 0.5,
+    "around_agent_m": 50,
+    "around_path_m": 15,
+    "classes": {"car": 0.8, "van": 0.2, "truck": 0, "bicycle": 0, "motorcycle": 0},
+}
+
+
+@dataclass(frozen=True)
+class JunctionSuggestion:
+    """A junction and the conflicts that it can stage.
+
+    Attributes:
+        junction: Its id.
+        control: Its rule of right of way.
+        arms: Its arms and where they lead.
+        road: Id of the road that has the agents at it.
+        conflicts: Ids of the conflicts, the surest first: actors on paths of their own are held up
+            by nobody, those in lanes by other traffic.
+        reason: Why it can stage none; empty if it can.
+    """
+
+    junction: str
+    control: str
+    arms: str
+    road: str = ""
+    conflicts: tuple[str, ...] = ()
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class MapSuggestions:
+    """What a map can stage.
+
+    Attributes:
+        junctions: Junctions of three arms or more, those with the most conflicts first.
+        documents: Declarations of roads and suite, by the name of their file.
+    """
+
+    junctions: tuple[JunctionSuggestion, ...]
+    documents: Mapping[str, str]
+
+
+def suggest_conflicts(file: Path, source: MapSource, name: str | None = None) -> MapSuggestions:
+    """Find the conflicts that each junction of a map can stage.
+
+    Args:
+        file: The map.
+        source: Its format.
+        name: Id of road and suite; by default the name of the file.
+
+    Raises:
+        InputError: The map cannot be used, or has no junction of three arms.
+    """
+    name = name or _name_road(file)
+    declared = {"source": source, "file": file.name}
+    data = {"kind": "road", "id": name, **ROAD, **_locate(file, source), "imported": declared}
+    bare = Road.model_validate({**data, "agents": {}, "traffic": TRAFFIC})
+    network = import_map(MapFile.model_validate(declared), bare, file.parent)
+    road = bare.model_copy(update={"imported": network})
+    finder = _Finder.for_road(road)
+    found = tuple(sorted(finder.iterate_junctions(), key=lambda item: -len(item.conflicts)))
+    if not found:
+        raise InputError(f"{file}: has no junction of three arms or more, to stage conflicts at")
+    return MapSuggestions(found, dict(_write_documents(data, found)))
+
+
+def _name_road(file: Path) -> str:
+    name = re.sub(r"[^a-z0-9]+", "_", file.stem.lower()).strip("_")[:MAX_NAME_LENGTH].rstrip("_")
+    return name if re.match(r"[a-z]", name) else f"town_{name}".rstrip("_")
+
+
+def _locate(file: Path, source: MapSource) -> dict[str, float]:
+    """Find the middle of an OpenStreetMap extract, where the world's origin is to be."""
+    if source != "osm":
+        return {}
+    root = read_map_file(MapFile(source=source, file=file.name), file.parent).root
+    try:
+        nodes = [
+            (float(item.attrib["lat"]), float(item.attrib["lon"])) for item in root.iter("node")
+        ]
+    except (KeyError, ValueError):
+        raise InputError(f"{file}: has a node without latitude and longitude") from None
+    if not nodes:
+        raise InputError(f"{file}: has no nodes")
+    latitude, longitude = np.mean(nodes, axis=0).round(5).tolist()
+    return {"origin_lat_deg": latitude, "origin_lon_deg": longitude}
+
+
+@dataclass(frozen=True)
+class _Finder:
+    road: Road
+    planner: RoutePlanner
+    library: Library
+    suite: Suite
+    catalogue: Catalogue
+
+    @staticmethod
+    def for_road(road: Road) -> "_Finder":
+        library = load_library(find_shipped_library())
+        suite = Suite(id=road.id, rig=LIBRARY_NAME, catalogue=LIBRARY_NAME)
+        catalogue = library.get_declarations(Catalogue)[LIBRARY_NAME]
+        return _Finder(road, RoutePlanner(road), library, suite, catalogue)
+
+    def iterate_junctions(self) -> Iterator[JunctionSuggestion]:
+        for junction in self.planner.movements:
+            arms = JunctionArms(self.planner, junction)
+            if len(arms.directions) > 2:
+                yield self._suggest(junction, arms)
+
+    def _suggest(self, junction: str, arms: JunctionArms) -> JunctionSuggestion:
+        control, text = self.planner.controls.get(junction, "none"), arms.describe()
+        reason = ""
+        for suffix, crew in CREWS.items():
+            declared = JunctionAgents.model_validate({"junction": junction, "agents": crew})
+            name = f"{self.road.id}{suffix}"
+            try:
+                placed = place_junction_agents(self.road, declared, junction)
+            except MisplacedAgentError as error:
+                reason = str(error)
+                continue
+            placed = placed.model_copy(update={"id": f"{name}_{junction}"})
+            conflicts = tuple(item.id for item in self._list_stageable(placed))
+            if conflicts:
+                return JunctionSuggestion(junction, control, text, name, conflicts)
+            reason = "none of the library's conflicts has a place here"
+        return JunctionSuggestion(junction, control, text, reason=reason)
+
+    def _list_stageable(self, road: Road) -> list[Conflict]:
+        conflicts = self.library.get_declarations(Conflict).values()
+        found = [conflict for conflict in conflicts if self._can_stage(road, conflict)]
+        return sorted(found, key=_drives_in_lanes)
+
+    def _can_stage(self, road: Road, conflict: Conflict) -> bool:
+        fits = match_conflict(conflict, road, called_for=True).standing == "primary"
+        moved = with_ego_manoeuvre(road, conflict) if fits else None
+        if moved is None:
+            return False
+        try:
+            solve_road_conflicts(
+                self.library,
+                self.suite,
+                RoadConflicts(moved, (conflict,), conflict),
+                self.library.get_declarations(Density)[DENSITY],
+                self._blueprints,
+                ego=self.catalogue.blueprints[self.catalogue.ego],
+            )
+        except UnstageableError:
+            return False
+        return True
+
+    @property
+    def _blueprints(self) -> dict[str, Blueprint]:
+        return {
+            name: item
+            for name, item in self.catalogue.blueprints.items()
+            if item.land_use in ("any", self.road.land_use)
+        }
+
+
+def _drives_in_lanes(conflict: Conflict) -> bool:
+    return not {"pedestrian", "bicycle"} >= set(conflict.actor.classes)
+
+
+def _write_documents(
+    road: Mapping[str, object], junctions: Sequence[JunctionSuggestion]
+) -> Iterator[tuple[str, str]]:
+    names: list[str] = []
+    for suffix, crew in CREWS.items():
+        name = f"{road['id']}{suffix}"
+        placed = [item.junction for item in junctions if item.road == name]
+        if placed:
+            names.append(name)
+            at_junction = {"junction": placed, "agents": crew}
+            data = {**road, "id": name, "style": "residential", "at_junction": at_junction}
+            yield f"{name}.yaml", _dump({**data, "traffic": TRAFFIC})
+    if not names:
+        return
+    suite = {
+        "kind": "suite",
+        "id": road["id"],
+        "roads": names,
+        "weathers": [WEATHER],
+        "densities": [DENSITY],
+        "cross_conflicts": list(_choose(junctions)),
+        "standings": ["primary", "extension"],
+        "rig": LIBRARY_NAME,
+        "catalogue": LIBRARY_NAME,
+        "looks": "shaped",
+    }
+    yield "suite.yaml", _dump(suite)
+
+
+def _choose(junctions: Iterable[JunctionSuggestion]) -> Iterator[str]:
+    """Choose few conflicts of which every junction can stage one: always the commonest left."""
+    left = [set(item.conflicts) for item in junctions if item.conflicts]
+    while left:
+        counts = {name: sum(name in other for other in left) for other in left for name in other}
+        best = min(counts, key=lambda name: (-counts[name], name))
+        yield best
+        left = [other for other in left if best not in other]
+
+
+def _dump(data: Mapping[str, object]) -> str:
+    return yaml.safe_dump(dict(data), sort_keys=False, default_flow_style=None, width=100)
+
+
+def write_suggestions(found: MapSuggestions, file: Path, output: Path) -> Iterator[Path]:
+    """Write the declarations and a copy of their map to a folder; yield what was written.
+
+    Raises:
+        InputError: A file exists already, or the folder cannot be written.
+    """
+    contents = {name: text.encode() for name, text in found.documents.items()}
+    contents[file.name] = file.read_bytes()
+    with report_write_errors():
+        output.mkdir(parents=True, exist_ok=True)
+        for path in (output / name for name in contents):
+            if path.exists() and not path.samefile(file):
+                raise InputError(f"{path}: already exists; choose another folder")
+        for name, content in contents.items():
+            write_atomically(output / name, content)
+            yield output / name

@@ -1,0 +1,47 @@
+"""Conflicts that a map is said to stage, and declarations that stage them."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from advercity.compiler.crossing import compile_library
+from advercity.compiler.map_suggestions import suggest_conflicts, write_suggestions
+from advercity.errors import InputError
+from tests.roads.imported_roads import DATA
+
+
+def test_what_is_suggested_compiles_as_it_is_suggested(library: Path, tmp_path: Path) -> None:
+    found = suggest_conflicts(DATA / "crossroads.osm", "osm")
+    written = {path.name for path in write_suggestions(found, DATA / "crossroads.osm", tmp_path)}
+    assert written == {"crossroads.yaml", "suite.yaml", "crossroads.osm"}
+    asked = sorted({name for item in found.junctions for name in item.conflicts})
+    suite = yaml.safe_load((tmp_path / "suite.yaml").read_text())
+    (tmp_path / "suite.yaml").write_text(yaml.safe_dump(suite | {"cross_conflicts": asked}))
+
+    specs = compile_library(library, tmp_path, suite="crossroads")
+
+    staged = {(spec.road.id, spec.provenance.conflict) for spec in specs}
+    assert {
+        (f"{item.road}_{item.junction}", name)
+        for item in found.junctions
+        for name in item.conflicts
+    } == staged
+
+
+def test_a_junction_with_lights_is_suggested_conflicts_of_such(library: Path) -> None:
+    found = suggest_conflicts(DATA / "crossroads.osm", "osm")
+
+    signals = next(item for item in found.junctions if item.control == "signals")
+
+    assert "ltap_od_ego_turns" in signals.conflicts
+    assert "scp_unsignalised" not in signals.conflicts
+    # Nobody holds up those who walk or ride on a path of their own.
+    kinds = [name.startswith(("ped_", "cyc_")) for name in signals.conflicts]
+    assert kinds == sorted(kinds, reverse=True)
+    assert {"(north)", "(south)"} <= set(signals.arms.replace(",", "").split())
+
+
+def test_a_map_without_a_junction_of_three_arms_says_so() -> None:
+    with pytest.raises(InputError, match="no junction of three arms"):
+        suggest_conflicts(DATA / "bend.xodr", "opendrive")
