@@ -25,8 +25,9 @@ from advercity.geometry.polyline import Points, StationedPolyline, offset_polyli
 from advercity.roads import markings
 from advercity.roads.imported_network import ImportedNetwork
 from advercity.roads.imported_streets import read_imported_streets
-from advercity.roads.imported_surface import ImportedSurface
+from advercity.roads.imported_surface import ImportedSurface, build_surface_meshes
 from advercity.roads.lane_segments import LaneSegment
+from advercity.roads.levels import split_levels
 from advercity.roads.markings import PAINT_KINDS, WHITE, YELLOW
 from advercity.roads.network_file import SumoEdge, SumoLane, parse_packed_network
 from advercity.roads.pedestrian_lights import place_pedestrian_lights
@@ -229,6 +230,10 @@ class ImportedRoadNetwork:
         self.streets: Mapping[str, StreetLayout] = read_imported_streets(imported.network).streets
         self._net = ImportedNetwork.from_network(parse_packed_network(imported.network))
         self._surface = ImportedSurface(self._net)
+        levels = split_levels(self._net)
+        self._levels = (
+            [ImportedSurface(level) for level in levels] if len(levels) > 1 else [self._surface]
+        )
 
     @cached_property
     def lanes(self) -> tuple[LaneSegment, ...]:
@@ -250,12 +255,15 @@ class ImportedRoadNetwork:
     @property
     def meshes(self) -> list[Mesh]:
         """Roadway, sidewalks, kerbs and paint."""
-        return [*self._surface.build_meshes(), *build_imported_markings(self._net, self._surface)]
+        return [
+            *build_surface_meshes(self._levels),
+            *build_imported_markings(self._net, self._surface),
+        ]
 
     @cached_property
     def paved_edges(self) -> list[Points]:
-        """Outlines of the paving."""
-        return self._surface.paved_edges
+        """Outlines of the paving of all levels."""
+        return [edge for level in self._levels for edge in level.paved_edges]
 
     @cached_property
     def paved_area(self) -> BaseGeometry:

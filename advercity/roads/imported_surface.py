@@ -248,14 +248,13 @@ class ImportedSurface:
                     line = shapely.LineString(border[::-1] if at_end else border)
                     yield substring(line, 0.0, APPROACH_LENGTH_M)
 
-    def build_meshes(self) -> list[Mesh]:
-        """Build meshes of asphalt, sidewalks and kerbs."""
-        pieces = {
+    def build_pieces(self) -> dict[str, list[TriangleSurface]]:
+        """Build the pieces of asphalt, sidewalks and kerbs."""
+        return {
             "asphalt": self._asphalt,
             "sidewalk": list(self._raised_patches(shapely.buffer(self.raised_area, -KERB_WIDTH_M))),
             "kerb": list(self._kerb_patches()),
         }
-        return merge_surfaces(pieces, ROAD_SURFACES)
 
     def drape(self, areas: Sequence[shapely.Polygon], z_m: Sequence[float]) -> TriangleSurface:
         """Lay convex areas on the asphalt that is at about their heights."""
@@ -297,15 +296,25 @@ class ImportedSurface:
                 yield build_ribbon(foot + KERB_RISE, foot - LANE_OVERLAP_M * KERB_RISE)
 
 
+def build_surface_meshes(levels: Sequence[ImportedSurface]) -> list[Mesh]:
+    """Build meshes of asphalt, sidewalks and kerbs of all levels."""
+    pieces: dict[str, list[TriangleSurface]] = {}
+    for level in levels:
+        for name, own in level.build_pieces().items():
+            pieces.setdefault(name, []).extend(own)
+    return merge_surfaces(pieces, ROAD_SURFACES)
+
+
 def _triangulate_area(
     area: BaseGeometry, height: Callable[[Points], NDArray[np.float64]]
 ) -> Iterator[TriangleSurface]:
     """Triangulate an area, in small facets where it is not level."""
     for polygon in extract_polygons(area):
-        whole = triangulate_polygon(polygon)
-        z = height(whole[0])
-        if np.ptp(z) <= LEVEL_TOLERANCE_M:
-            yield TriangleSurface(np.column_stack([whole[0], z]), whole[1])
+        # Between corners at one height, a street may still rise and fall.
+        outline = shapely.get_coordinates(shapely.segmentize(polygon, EDGE_STEP_M))
+        if np.ptp(height(outline)) <= LEVEL_TOLERANCE_M:
+            corners, triangles = triangulate_polygon(polygon)
+            yield TriangleSurface(np.column_stack([corners, height(corners)]), triangles)
             continue
         cut = shapely.intersection(build_grid_cells(polygon.bounds, FACET_SIZE_M), polygon)
         for cell in (part for shape in cut for part in extract_polygons(shape)):

@@ -11,6 +11,13 @@ from advercity.roads.pavement_repairs import place_repairs
 from advercity.roads.plan_frame import to_plan_spec
 from advercity.roads.road_inlays import build_inlay_meshes
 from advercity.roads.road_network import build_road
+from advercity.scene.decks import (
+    build_deck_meshes,
+    cut_ground_edges,
+    find_cuttings,
+    find_decks,
+    find_paved_ground,
+)
 from advercity.scene.mirrored_world import mirror_world
 from advercity.scene.seasons import apply_season
 from advercity.scene.street_furniture import build_street_furniture
@@ -31,7 +38,9 @@ def build_world(spec: Spec, network: Path) -> World:
 
 def _build_plan_world(spec: Spec, network: Path) -> World:
     road = build_road(spec.road)
-    ground = GroundModel.from_edges(road.paved_edges, find_plateaus(spec.road))
+    decks = find_decks(road.lanes)
+    edges = cut_ground_edges(road.paved_edges, decks)
+    ground = GroundModel.from_edges(edges, find_plateaus(spec.road), find_cuttings(decks))
     surroundings, street_lamps, open_ground = build_surroundings(
         road, ground.height_at, road.paved_area
     )
@@ -42,13 +51,15 @@ def _build_plan_world(spec: Spec, network: Path) -> World:
     plants = build_verges(roadway, open_ground, spec.road.id)
     plants += build_street_plants(paving, roadway, spec.road.id)
     verges = build_meshes(plants, "verge_")
-    skirt, earth = build_skirt(road.paved_edges), build_ground(ground, road.paved_area)
+    skirt = build_skirt(edges)
+    earth = build_ground(ground, find_paved_ground(road.paved_area, decks))
     furniture, signal_lamps = build_street_furniture(road, ground.height_at)
     return World(
         id=spec.road.id,
         static=(
             *apply_season([*paving, skirt, earth], open_ground.season),
             *build_inlay_meshes(inlays, paving),
+            *build_deck_meshes(decks, ground.height_at),
             *surroundings,
             *apply_season(verges, open_ground.season),
             *furniture,

@@ -56,6 +56,21 @@ class Plateau:
     height_m: float
 
 
+@dataclass(frozen=True, eq=False)
+class Cutting:
+    """Ground under a deck, level with the edges of the lower street.
+
+    Attributes:
+        outline: Area that the deck covers, and a little beside it.
+        opening: Area around it in which edges of the lower street are looked for.
+        rim: Area of the deck with its abutments, along which the ground may have a step.
+    """
+
+    outline: BaseGeometry
+    opening: BaseGeometry
+    rim: BaseGeometry
+
+
 def find_plateaus(road: Road) -> tuple[Plateau, ...]:
     """List the plateaus that a road declares."""
     return tuple(
@@ -117,15 +132,22 @@ class GroundModel:
         segments: Segments of all edges.
         samples: (k, 3) points along all edges at about `CELL_M`.
         plateaus: Higher ground.
+        cuttings: Ground under decks.
     """
 
     segments: EdgeSegments
     samples: Points
     plateaus: Sequence[Plateau]
+    cuttings: Sequence[Cutting] = ()
 
     @classmethod
-    def from_edges(cls, edges: Sequence[Points], plateaus: Sequence[Plateau] = ()) -> "GroundModel":
-        """Build the model from the edges (n, 3) of all paving."""
+    def from_edges(
+        cls,
+        edges: Sequence[Points],
+        plateaus: Sequence[Plateau] = (),
+        cuttings: Sequence[Cutting] = (),
+    ) -> "GroundModel":
+        """Build the model from the edges (n, 3) of all paving that lies on the ground."""
         samples = [
             resample_polyline(edge, max(2, int(polyline_stations(edge)[-1] / CELL_M) + 1))
             for edge in edges
@@ -134,7 +156,7 @@ class GroundModel:
             np.concatenate([edge[:-1] for edge in edges]),
             np.concatenate([np.diff(edge, axis=0) for edge in edges]),
         )
-        return cls(segments, np.concatenate(samples), plateaus)
+        return cls(segments, np.concatenate(samples), plateaus, cuttings)
 
     def height_at(self, points: Points) -> Float64Array:
         """Compute the height (n,) of the ground at points (n, 2) off the road, to a micrometre."""
@@ -144,8 +166,17 @@ class GroundModel:
         height += _compute_hill_height(points, distance)
         for plateau in self.plateaus:
             height = self._raise_to_plateau(points, height, plateau)
+        for cutting in self.cuttings:
+            self._lower_into_cutting(points, height, cutting)
         # Last digits of exponentials and sines are those of the processor; normals would show them.
         return np.round(height, HEIGHT_DECIMALS)
+
+    def _lower_into_cutting(self, points: Points, height: Float64Array, cutting: Cutting) -> None:
+        """Lower heights (n,) under a deck, in place, to those of the nearest edge below it."""
+        inside = shapely.dwithin(cutting.outline, shapely.points(points), GRID_M)
+        below = self.segments.select_inside(cutting.opening)
+        if len(below.starts) > 0 and inside.any():
+            height[inside] = below.find_nearest(points[inside])[1]
 
     def _raise_to_plateau(
         self, points: Points, height: Float64Array, plateau: Plateau
@@ -167,6 +198,9 @@ def build_ground(model: GroundModel, paved_area: BaseGeometry) -> Mesh:
     cells = _build_grid_cells(shapely.bounds(hole))
     for plateau in model.plateaus:
         for outline in (plateau.outline, shapely.buffer(plateau.outline, -BANK_WIDTH_M)):
+            cells = _split_cells(cells, outline)
+    for cutting in model.cuttings:
+        for outline in (cutting.outline, cutting.rim):
             cells = _split_cells(cells, outline)
     shapely.prepare(hole)
     free = shapely.disjoint(cells, hole)

@@ -71,6 +71,15 @@ BEND = declaration(
 )
 
 
+TWO_LEVELS = declaration(
+    "opendrive",
+    "two_levels.xodr",
+    profile="non_level",
+    agents={"cav1": vehicle((-60, -1.6), 0, (130, -1.6), "ego")},
+)
+"""A street that leads over another, 5.5 m above it and at 60 degrees to it."""
+
+
 CROSSROADS = declaration(
     "osm",
     "crossroads.osm",
