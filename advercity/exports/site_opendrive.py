@@ -11,6 +11,7 @@ from xml.etree.ElementTree import SubElement
 from advercity_dsl import Road
 
 from advercity.errors import RunError
+from advercity.exports.mirrored_opendrive import mirror_opendrive
 from advercity.foreign.xml_documents import parse_xml, to_xml_bytes
 from advercity.roads.sumo_network import run_netconvert
 
@@ -25,11 +26,11 @@ FIXED_DATE = "2000-01-01T00:00:00"
 
 
 def format_site(road: Road, network: Path) -> bytes:
-    """Format a road's SUMO network as OpenDRIVE.
+    """Format a road's SUMO network as OpenDRIVE, with rule LHT where traffic is on the left.
 
     Args:
-        road: The road, for its name and its place on the globe.
-        network: Its SUMO network.
+        road: The road, for its name, its driving side and its place on the globe.
+        network: Its SUMO network, in the plan frame.
 
     Raises:
         RunError: netconvert cannot write it.
@@ -43,6 +44,8 @@ def format_site(road: Road, network: Path) -> bytes:
                 f"{road.id}: netconvert cannot write OpenDRIVE: {outcome.messages[:300]}"
             )
         root = parse_xml(written.read_bytes())
+    if road.is_left_hand:
+        mirror_opendrive(root)
     header = root.find("header")
     assert header is not None
     header.attrib |= {"revMinor": "7", "name": road.id, "date": FIXED_DATE}
