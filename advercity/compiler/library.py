@@ -35,6 +35,7 @@ from advercity.compiler.extends import (
     resolve_extends,
 )
 from advercity.compiler.lidar_models import apply_lidar_models, names_lidar_model
+from advercity.compiler.map_places import place_imported_road
 from advercity.compiler.map_surroundings import read_surroundings
 from advercity.compiler.shipped_library import (
     EXAMPLES_FOLDER,
@@ -405,7 +406,7 @@ def _import_map(
     value_path = ("imported", "file")
     folder = source.find_document(value_path).path.parent
     try:
-        imported = road.model_copy(update={"imported": import_map(declared, road, folder)})
+        imported = place_imported_road(road, import_map(declared, road, folder))
         return imported, read_surroundings(declared, imported, folder)
     except InputError as error:
         raise DiagnosticsError(source.build_diagnostic(value_path, str(error))) from error

@@ -10,7 +10,7 @@ import numpy as np
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import FrameView
 from advercity.geometry import poses
-from advercity.geometry.geodesy import Geodetic, geodetic_from_enu
+from advercity.geometry.geodesy import find_world_origin, geodetic_from_enu
 
 GRAVITY_M_S2 = 9.81
 LOCKED = 4
@@ -24,8 +24,7 @@ def format_oxts(frame: FrameView, view: AgentView) -> str:
     to the left; yaw 0 is east. Numbers of satellites and accuracies are 0.
     """
     pose = view.world_from_agent
-    road = frame.scenario.spec.road
-    origin = Geodetic(road.origin_lat_deg, road.origin_lon_deg, road.origin_alt_m)
+    origin = find_world_origin(frame.scenario.spec.road)
     place = geodetic_from_enu(pose[:3, 3], origin)
     yaw, pitch, roll = poses.to_yaw_pitch_roll(pose)
     velocity = view.speed_m_s * pose[:3, 0]

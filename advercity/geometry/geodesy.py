@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from advercity_dsl import Road
 from numpy.typing import ArrayLike
 
 from advercity.geometry.arrays import Float64Array
@@ -26,6 +27,15 @@ class Geodetic:
     longitude_deg: float
     altitude_m: float = 0.0
     """Height above the ellipsoid, not above sea level."""
+    convergence_deg: float = 0.0
+    """Of the origin of a frame: bearing of the frame's y axis, clockwise from true north."""
+
+
+def find_world_origin(road: Road) -> Geodetic:
+    """Find where the world frame of a road is on the globe."""
+    return Geodetic(
+        road.origin_lat_deg, road.origin_lon_deg, road.origin_alt_m, road.origin_convergence_deg
+    )
 
 
 def geodetic_from_enu(enu: ArrayLike, origin: Geodetic) -> Geodetic:
@@ -68,14 +78,19 @@ def _ecef_from_geodetic(position: Geodetic) -> Float64Array:
 
 
 def _ecef_from_enu(origin: Geodetic) -> Float64Array:
-    """Rotation (3, 3) from east, north, up at `origin` to the Earth-centred frame."""
+    """Rotation (3, 3) from east, north, up at `origin`, turned, to the Earth-centred frame."""
     latitude, longitude = math.radians(origin.latitude_deg), math.radians(origin.longitude_deg)
     sin_lat, cos_lat = math.sin(latitude), math.cos(latitude)
     sin_lon, cos_lon = math.sin(longitude), math.cos(longitude)
-    return np.array(
+    turned = math.radians(origin.convergence_deg)
+    sine, cosine = math.sin(turned), math.cos(turned)
+    ecef_from_true = np.array(
         [
             [-sin_lon, -sin_lat * cos_lon, cos_lat * cos_lon],
             [cos_lon, -sin_lat * sin_lon, cos_lat * sin_lon],
             [0.0, cos_lat, sin_lat],
         ]
     )
+    if not turned:
+        return ecef_from_true
+    return ecef_from_true @ np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])

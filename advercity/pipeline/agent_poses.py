@@ -21,7 +21,7 @@ from advercity.frames import (
 )
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array
-from advercity.geometry.geodesy import Geodetic, enu_from_geodetic
+from advercity.geometry.geodesy import Geodetic, enu_from_geodetic, find_world_origin
 from advercity.geometry.poses import Matrix
 from advercity.physics.timeline import WeatherTimeline
 from advercity.randomness import create_generator, sample_gauss_markov
@@ -70,8 +70,7 @@ class AgentPoses:
         self._shown = lru_cache(maxsize=4)(self._build_frame)
         self._parked = find_parked_cars(spec)
         self._receivers: dict[tuple[str, SatelliteReceiver], ReceiverInPlace] = {}
-        road = spec.road
-        self._origin = Geodetic(road.origin_lat_deg, road.origin_lon_deg, road.origin_alt_m)
+        self._origin = find_world_origin(spec.road)
 
     def load_frame(self, index: int) -> Frame:
         """Load recorded frame `index` with parked cars; lamps and umbrellas follow the weather."""

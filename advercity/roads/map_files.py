@@ -59,7 +59,8 @@ def read_map_file(declared: MapFile, folder: Path) -> LoadedMap:
             f"{declared.file}: is a Lanelet2 map, whose lanes are relations in OpenStreetMap's XML;"
             " give an OpenDRIVE map of the place, or an extract of OpenStreetMap"
         )
-    if declared.source != "sumo":
+    if declared.source == "osm":
+        # Our own readers of the other formats open nothing that a map names.
         _remove_file_references(root)
     return LoadedMap(root, digest)
 

@@ -27,6 +27,7 @@ from advercity.roads.map_plan import MapPlan
 from advercity.roads.network_file import SumoLane, SumoNetwork, parse_network
 from advercity.roads.opendrive.network import PlainNetwork, build_plain_network, complete_network
 from advercity.roads.opendrive.parsing import parse_opendrive
+from advercity.roads.opendrive.placing import PlacedMap, place_map
 from advercity.roads.osm_map import REMOVED_TYPE
 from advercity.roads.osm_plan import plan_extract
 from advercity.roads.sumo_network import run_netconvert
@@ -121,7 +122,8 @@ def _plan_map(root: Element, declared: MapFile, road: Road, ledger: Ledger) -> M
 
 def _import_opendrive(found: LoadedMap, road: Road, declared: MapFile) -> MapNetwork:
     try:
-        plain = build_plain_network(parse_opendrive(found.root), _build_extent(declared))
+        placed = place_map(parse_opendrive(found.root))
+        plain = build_plain_network(placed.document, _build_extent(declared, placed))
     except InputError as error:
         raise InputError(f"{declared.file}: {error}") from None
     if not plain.names:
@@ -136,12 +138,22 @@ def _import_opendrive(found: LoadedMap, road: Road, declared: MapFile) -> MapNet
     net = sanitize_network(converted)
     complete_network(net, plain)
     rename_network(net, plain.names)
-    return MapNetwork(source=declared.source, sha256=found.sha256, network=pack_network(net))
+    return MapNetwork(
+        source=declared.source,
+        sha256=found.sha256,
+        network=pack_network(net),
+        offset_m=placed.origin_m,
+        place=placed.place,
+        driving_side=placed.driving_side,
+    )
 
 
-def _build_extent(declared: MapFile) -> BaseGeometry | None:
-    corners = declared.extent_m
-    return None if corners is None else shapely.MultiPoint(np.array(corners)).envelope
+def _build_extent(declared: MapFile, placed: PlacedMap) -> BaseGeometry | None:
+    """Build the area that roads reach into, in the frame of a placed map."""
+    if declared.extent_m is None:
+        return None
+    corners = np.array(declared.extent_m) - placed.origin_m
+    return shapely.MultiPoint(corners * (1, -1 if placed.driving_side == "left" else 1)).envelope
 
 
 def _compile(plain: PlainNetwork, declared: MapFile, *, guesses: bool) -> Element:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from advercity.frames import ActorState
 from advercity.geometry import poses
-from advercity.geometry.geodesy import Geodetic, geodetic_from_enu
+from advercity.geometry.geodesy import find_world_origin, geodetic_from_enu
 from advercity.geometry.poses import Matrix
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import ACTOR_COLOURS
@@ -143,7 +143,7 @@ class LocalGeoMap:
     @staticmethod
     def around_road(road: Road) -> "LocalGeoMap":
         """Build the map around a road."""
-        origin = Geodetic(road.origin_lat_deg, road.origin_lon_deg)
+        origin = find_world_origin(road)
         span = LINEARISATION_SPAN_M
         points = ((0.0, 0.0, 0.0), (span, 0.0, 0.0), (0.0, span, 0.0))
         fixes = [geodetic_from_enu(point, origin) for point in points]

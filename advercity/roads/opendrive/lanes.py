@@ -126,29 +126,22 @@ def _place_stations(road: Road, section: LaneSection, first_m: float, last_m: fl
 
 def _compute_borders(road: Road, section: LaneSection, stations: Values) -> Values:
     """Compute the borders (n, k + 1) of k lanes from left to right, as distances to the left."""
-    last_m = float(stations[-1]) - MIN_LENGTH_M
-    middle = evaluate_piece(road.lane_offset, stations, last_m)
-    borders = [middle]
-    for lane_id in sorted(lane_id for lane_id in section.lanes if lane_id > 0):
-        lane, inner = section.lanes[lane_id], borders[0] - middle
-        edge = _compute_outer_edge(lane, inner, stations - section.begins_m, 1.0)
-        borders.insert(0, middle + edge)
-    inner = np.zeros_like(stations)
-    for lane_id in sorted((lane_id for lane_id in section.lanes if lane_id < 0), reverse=True):
-        inner = _compute_outer_edge(
-            section.lanes[lane_id], inner, stations - section.begins_m, -1.0
-        )
-        borders.append(middle + inner)
-    return np.stack(borders, axis=1)
+    middle = evaluate_piece(road.lane_offset, stations, float(stations[-1]) - MIN_LENGTH_M)
+    along_m = stations - section.begins_m
+    left, right = [middle], [middle]
+    for lane_id in sorted(section.lanes, key=abs):
+        borders, side = (left, 1.0) if lane_id > 0 else (right, -1.0)
+        borders.append(_compute_outer_edge(section.lanes[lane_id], borders[-1], along_m, side))
+    return np.stack([*left[:0:-1], *right], axis=1)
 
 
 def _compute_outer_edge(lane: Lane, inner_m: Values, along_m: Values, side: float) -> Values:
     # Widths hold where a lane has both, as the standard has it.
-    if lane.widths:
+    if lane.widths or not lane.borders:
         return inner_m + side * np.maximum(evaluate_profile(lane.widths, along_m), 0.0)
-    if lane.borders:
-        return side * np.maximum(side * evaluate_profile(lane.borders, along_m), side * inner_m)
-    return inner_m
+    # Borders are distances from the reference line; some maps write them without the side's sign.
+    border_m = side * np.abs(evaluate_profile(lane.borders, along_m))
+    return side * np.maximum(side * border_m, side * inner_m)
 
 
 def _level_lanes(points: Points, section: LaneSection, ids: list[int]) -> None:

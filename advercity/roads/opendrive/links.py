@@ -80,7 +80,9 @@ class StretchIndex:
         one, other = self.stretches[first.stretch], self.stretches[second.stretch]
         turned = 1 if first.contact != second.contact else -1
         if one.section is other.section and first.stretch != second.stretch:
-            return EndLink(first, second, tuple((lane, lane) for lane in one.ribbons))
+            return EndLink(
+                first, second, tuple((lane, lane) for lane in one.ribbons if lane in other.ribbons)
+            )
         declared = {
             (lane, target)
             for lane in one.ribbons

@@ -305,6 +305,11 @@ class Road(Declaration):
     """Height of the origin above the ellipsoid of WGS84, not above sea level."""
     driving_side: DrivingSide = Field(default="right", exclude_if=lambda side: side == "right")
     """Side on which traffic drives in the declared `streets`; an imported map has its own."""
+    origin_convergence_deg: Annotated[Degrees, Field(ge=-180, le=180)] = Field(
+        default=0.0, exclude_if=lambda angle_deg: angle_deg == 0.0
+    )
+    """Bearing of the world's y axis at the origin, clockwise from true north, for GNSS; of a map
+    in a projection, its meridian convergence."""
     imported: MapNetwork | MapFile | None = Field(default=None, exclude_if=is_none)
     """Map from which the streets are imported, instead of `streets`."""
     sections: ByName[CrossSection] = Field(default_factory=dict)

@@ -178,6 +178,19 @@ class LeftOut(Model):
     """Line of the first part in its file; 0 where the format has no lines."""
 
 
+class MapPlace(Model):
+    """Where on the globe (WGS84) the world's origin is, by the projection that a map declares."""
+
+    latitude_deg: Annotated[Degrees, Field(ge=-89, le=89)]
+    """Geodetic latitude."""
+    longitude_deg: Annotated[Degrees, Field(ge=-180, le=180)]
+    """Longitude."""
+    altitude_m: Annotated[Metres, Field(ge=-500, le=9000)]
+    """Height that the map gives its origin."""
+    convergence_deg: Annotated[Degrees, Field(ge=-180, le=180)]
+    """Bearing of the map's north, clockwise from true north."""
+
+
 class MapNetwork(Model):
     """The network that the compiler builds from a map; a spec needs no other file."""
 
@@ -189,6 +202,8 @@ class MapNetwork(Model):
     """SUMO network, compressed with zlib and encoded in Base64."""
     offset_m: Point2 = Field(default=(0.0, 0.0), exclude_if=lambda offset_m: offset_m == (0.0, 0.0))
     """Coordinates [east, north] in the map of the world frame's origin."""
+    place: MapPlace | None = Field(default=None, exclude_if=is_none)
+    """Place of the world's origin, if the map has a projection that is known."""
     driving_side: DrivingSide = Field(default="right", exclude_if=lambda side: side == "right")
     """Side of the road on which traffic drives; the network of a left-hand map is mirrored at the x
     axis, into a right-hand one."""

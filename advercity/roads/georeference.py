@@ -1,0 +1,169 @@
+"""Where on the globe a map is, from its projection as a PROJ string.
+
+Transverse Mercator (with UTM) is inverted by Krüger's series to the fourth order of the third
+flattening, exact to 0.1 mm within 4000 km of the central meridian: Karney, J. Geodesy 85 (2011).
+"""
+
+import math
+import re
+from dataclasses import dataclass
+
+from advercity_dsl.units import Point2
+
+from advercity.geometry.geodesy import FLATTENING, SEMI_MAJOR_M
+
+UTM_SCALE, UTM_FALSE_EASTING_M, UTM_FALSE_NORTHING_M = 0.9996, 500_000.0, 10_000_000.0
+ZONE_WIDTH_DEG = 6
+NORTHERN_UTM_EPSG, SOUTHERN_UTM_EPSG, ZONES = 32_600, 32_700, range(1, 61)
+EPSG_CODE = re.compile(r"(?:\+init=)?epsg:(\d{1,6})", re.IGNORECASE)
+PARAMETER = re.compile(r"\+(\w+)(?:=(\S+))?")
+THIRD_FLATTENING = FLATTENING / (2 - FLATTENING)
+RECTIFYING_RADIUS_M = (
+    SEMI_MAJOR_M / (1 + THIRD_FLATTENING) * (1 + THIRD_FLATTENING**2 / 4 + THIRD_FLATTENING**4 / 64)
+)
+LOCAL_DISTANCE_M = 10_000.0
+"""Maps whose middle is farther from their origin get a local one."""
+ORIGIN_STEP_M = 100.0
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A transverse Mercator projection of WGS84.
+
+    Attributes:
+        latitude_deg: Latitude at which northings begin.
+        longitude_deg: Central meridian.
+        scale: Scale on it.
+        false_m: Easting and northing that are added.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    scale: float
+    false_m: Point2
+
+
+@dataclass(frozen=True)
+class GlobePlace:
+    """A place on WGS84.
+
+    Attributes:
+        latitude_deg: Geodetic latitude.
+        longitude_deg: Longitude.
+        convergence_deg: Angle from true north to the map's north, clockwise.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    convergence_deg: float
+
+
+def parse_projection(text: str) -> Projection | None:
+    """Parse a PROJ string or an EPSG code of UTM; None if it is another projection or none."""
+    code = EPSG_CODE.fullmatch(text.strip())
+    if code is not None:
+        return _find_utm(int(code[1]))
+    values = {name: value or "" for name, value in PARAMETER.findall(text)}
+    try:
+        if values.get("proj") == "utm":
+            return _build_utm(int(values["zone"]), is_south="south" in values)
+        if values.get("proj") != "tmerc" or values.get("units", "m") != "m":
+            return None
+        return Projection(
+            float(values.get("lat_0", 0)),
+            float(values.get("lon_0", 0)),
+            float(values.get("k", values.get("k_0", 1))),
+            (float(values.get("x_0", 0)), float(values.get("y_0", 0))),
+        )
+    except (KeyError, ValueError):
+        return None
+
+
+def locate(projection: Projection, east_m: float, north_m: float) -> GlobePlace:
+    """Compute the place of projected coordinates."""
+    radius_m = RECTIFYING_RADIUS_M * projection.scale
+    begins_m = radius_m * _compute_rectifying_latitude(math.radians(projection.latitude_deg))
+    eta = (east_m - projection.false_m[0]) / radius_m
+    xi = (north_m - projection.false_m[1] + begins_m) / radius_m
+    terms = [
+        (2 * index * xi, 2 * index * eta, value) for index, value in enumerate(_backward(), start=1)
+    ]
+    xi_sphere = xi - sum(v * math.sin(x) * math.cosh(y) for x, y, v in terms)
+    eta_sphere = eta - sum(v * math.cos(x) * math.sinh(y) for x, y, v in terms)
+    conformal = math.asin(math.sin(xi_sphere) / math.cosh(eta_sphere))
+    turned = math.atan2(math.sinh(eta_sphere), math.cos(xi_sphere))
+    latitude = _find_latitude(conformal)
+    # Third-order terms of the convergence are below 1e-4 degrees inside a zone.
+    convergence = math.atan(math.tan(turned) * math.sin(latitude))
+    return GlobePlace(
+        math.degrees(latitude),
+        projection.longitude_deg + math.degrees(turned),
+        math.degrees(convergence),
+    )
+
+
+def choose_origin(west_m: float, south_m: float, east_m: float, north_m: float) -> Point2:
+    """Choose the map coordinates of the world's origin: (0, 0) unless the map is far from there."""
+    middle = (west_m + east_m) / 2, (south_m + north_m) / 2
+    if math.hypot(*middle) <= LOCAL_DISTANCE_M:
+        return 0.0, 0.0
+    x, y = (round(value / ORIGIN_STEP_M) * ORIGIN_STEP_M for value in middle)
+    return x, y
+
+
+def _find_utm(code: int) -> Projection | None:
+    for base, is_south in ((NORTHERN_UTM_EPSG, False), (SOUTHERN_UTM_EPSG, True)):
+        if code - base in ZONES:
+            return _build_utm(code - base, is_south=is_south)
+    return None
+
+
+def _build_utm(zone: int, *, is_south: bool) -> Projection | None:
+    if zone not in ZONES:
+        return None
+    meridian_deg = zone * ZONE_WIDTH_DEG - 183
+    north_m = UTM_FALSE_NORTHING_M if is_south else 0.0
+    return Projection(0.0, meridian_deg, UTM_SCALE, (UTM_FALSE_EASTING_M, north_m))
+
+
+def _forward() -> tuple[float, ...]:
+    n = THIRD_FLATTENING
+    return (
+        n / 2 - 2 * n**2 / 3 + 5 * n**3 / 16 + 41 * n**4 / 180,
+        13 * n**2 / 48 - 3 * n**3 / 5 + 557 * n**4 / 1440,
+        61 * n**3 / 240 - 103 * n**4 / 140,
+        49561 * n**4 / 161280,
+    )
+
+
+def _backward() -> tuple[float, ...]:
+    n = THIRD_FLATTENING
+    return (
+        n / 2 - 2 * n**2 / 3 + 37 * n**3 / 96 - n**4 / 360,
+        n**2 / 48 + n**3 / 15 - 437 * n**4 / 1440,
+        17 * n**3 / 480 - 37 * n**4 / 840,
+        4397 * n**4 / 161280,
+    )
+
+
+def _compute_rectifying_latitude(latitude: float) -> float:
+    """Compute the rectifying latitude: distance from the equator over the rectifying radius."""
+    conformal = _compute_conformal_latitude(latitude)
+    return conformal + sum(
+        value * math.sin(2 * index * conformal) for index, value in enumerate(_forward(), start=1)
+    )
+
+
+def _compute_conformal_latitude(latitude: float) -> float:
+    eccentricity = math.sqrt(FLATTENING * (2 - FLATTENING))
+    sine = math.sin(latitude)
+    stretched = math.atanh(sine) - eccentricity * math.atanh(eccentricity * sine)
+    return math.atan(math.sinh(stretched))
+
+
+def _find_latitude(conformal: float) -> float:
+    """Find the latitude of a conformal latitude; the difference shrinks 150-fold each time."""
+    latitude = conformal
+    for _ in range(8):
+        latitude += conformal - _compute_conformal_latitude(latitude)
+    return latitude
