@@ -272,7 +272,9 @@ def _find_left_turn(drive: EgoDrive, street: str) -> Movement:
         turns_left = drive.planner.turn_angle(item, junction) > STRAIGHT_TOLERANCE_RAD
         if item.from_street == street and turns_left:
             return item
-    raise UnsolvableError(f"no movement turns left from '{street}' at '{junction}'")
+    raise UnsolvableError(
+        f"no movement turns across oncoming traffic from '{street}' at '{junction}'"
+    )
 
 
 def _build_edge_path(drive: EgoDrive, movement: Movement, aside_m: float) -> NDArray[np.float64]:

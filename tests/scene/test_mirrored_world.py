@@ -13,6 +13,7 @@ from advercity.geometry.mesh import Mesh, MeshPart, build_meshes, move_surface
 from advercity.geometry.mirroring import mirror_mesh
 from advercity.geometry.poses import mirror_pose, pose_matrix, to_yaw_pitch_roll
 from advercity.geometry.primitives import box
+from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.roads.plan_frame import to_plan_spec
 from advercity.scene.build import build_world
 from advercity.scene.parking import find_parked_cars
@@ -62,6 +63,24 @@ def test_meshes_are_mirror_images_with_the_same_side_outward(world: World, plan:
             here = np.sum(find_edges(mesh) * mesh.normals[mesh.triangles].sum(axis=1), axis=1)
             there = np.sum(find_edges(image) * image.normals[image.triangles].sum(axis=1), axis=1)
             assert np.allclose(here[shown], there[shown], atol=1e-3, rtol=1e-3)
+
+
+def test_rays_find_the_mirror_image(world: World, plan: World):
+    """As a LiDAR's without noise, from above the street, but for the millimetres of letters."""
+    turn, rise = np.meshgrid(np.linspace(0, 2 * np.pi, 360), np.linspace(-0.5, 0.3, 24))
+    level = np.cos(rise)
+    ways = np.stack([level * np.cos(turn), level * np.sin(turn), np.sin(rise)], axis=-1)
+    ways = ways.reshape(-1, 3).astype(np.float32)
+    eyes = np.tile(np.array([-60, AXIS_Y_M + 1.75, 2], np.float32), (len(ways), 1))
+
+    found = Raycaster(world).cast(Rays(eyes, ways), 200.0)
+    image = Raycaster(plan).cast(Rays(eyes * MIRROR, ways * MIRROR), 200.0)
+
+    same = np.isclose(found.range_m, image.range_m, atol=0.02)
+    assert np.isfinite(found.range_m).mean() > 0.6
+    assert same.mean() > 0.999
+    assert (found.semantic[same] == image.semantic[same]).mean() > 0.999
+    assert np.allclose(found.cosine[same], image.cosine[same], atol=0.01)
 
 
 def test_lanes_lamps_and_parked_cars_are_on_the_declared_side(world: World, spec: Spec):

@@ -17,7 +17,9 @@ from advercity.compiler.recorded_roads import (
 from advercity.frames import Lamp, Signal, Trace
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.recordings.tracks import Track
+from advercity.roads.mirrored_traffic import mirror_trace
 from advercity.roads.network_file import SignalProgram
+from advercity.roads.plan_frame import mirror_road
 from advercity.traffic.motion_spline import interpolate_smoothly
 from tests.recordings.recorded_files import GRADE, write_ind, write_street
 
@@ -159,3 +161,17 @@ def test_lights_run_their_program() -> None:
     shown = [program.find_state(time_s) for time_s in (2.0, 31.9, 32.0, 35.0, 61.9, 62.0, 0.0)]
     assert shown == ["G", "G", "y", "r", "r", "G", "r"]
     assert Signal.RED == 0
+
+
+def test_on_a_left_hand_road_tracks_are_in_the_world(replay: list[Spec], trace: Trace) -> None:
+    """The map's network is that of a mirrored map; the tracks of the spec are on the other side."""
+    left = replay[0].model_copy(update={"road": mirror_road(replay[0].road)})
+
+    found = load_or_simulate_traffic(left).trace
+
+    assert left.road.is_left_hand
+    assert mirror_trace(found).compute_sha256() == trace.compute_sha256()
+    _, ego = found.get_track(EGO)
+    _, image = trace.get_track(EGO)
+    assert ego["y"] == pytest.approx(-image["y"])
+    assert ego["z"] == pytest.approx(image["z"])
