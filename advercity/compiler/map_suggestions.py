@@ -28,6 +28,7 @@ from advercity.errors import InputError, report_write_errors
 from advercity.roads.junction_arms import JunctionArms, MisplacedAgentError, place_junction_agents
 from advercity.roads.map_files import read_map_file
 from advercity.roads.map_import import import_map
+from advercity.roads.plan_frame import to_plan_frame
 from advercity.roads.routes import RoutePlanner
 
 MapSource = Literal["opendrive", "osm", "sumo"]
@@ -154,11 +155,12 @@ class _Finder:
         library = load_library(find_shipped_library())
         suite = Suite(id=road.id, rig=LIBRARY_NAME, catalogue=LIBRARY_NAME)
         catalogue = library.get_declarations(Catalogue)[LIBRARY_NAME]
-        return _Finder(road, RoutePlanner(road), library, suite, catalogue)
+        planner = RoutePlanner(to_plan_frame(road))
+        return _Finder(road, planner, library, suite, catalogue)
 
     def iterate_junctions(self) -> Iterator[JunctionSuggestion]:
         for junction in self.planner.movements:
-            arms = JunctionArms(self.planner, junction)
+            arms = JunctionArms.of_road(self.road, junction)
             if len(arms.directions) > 2:
                 yield self._suggest(junction, arms)
 

@@ -45,3 +45,20 @@ def test_a_junction_with_lights_is_suggested_conflicts_of_such(library: Path) ->
 def test_a_map_without_a_junction_of_three_arms_says_so() -> None:
     with pytest.raises(InputError, match="no junction of three arms"):
         suggest_conflicts(DATA / "bend.xodr", "opendrive")
+
+
+def test_arms_of_a_left_hand_map_are_those_of_the_world(tmp_path: Path) -> None:
+    """A junction of three arms, none of which leads to the south."""
+    street, to_the_south = '<tag k="highway" v="secondary"/>', '<nd ref="3"/>'
+    text = (DATA / "crossroads.osm").read_text()
+    assert to_the_south in text
+    text = text.replace(to_the_south, "")
+    file = tmp_path / "junction.osm"
+    file.write_text(text.replace(street, f'{street}<tag k="driving_side" v="left"/>'))
+
+    found = suggest_conflicts(file, "osm").junctions
+
+    signals = next(item for item in found if item.control == "signals")
+    directions = {arm.rpartition(" ")[2] for arm in signals.arms.split(", ")}
+    assert directions == {"(north)", "(east)", "(west)"}
+    assert signals.conflicts
