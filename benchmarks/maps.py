@@ -9,9 +9,10 @@ of lanes that are narrower than a metre are not compared.
 
 A row of the table has the numbers of roads and of lanes, a lane counted in each lane section; their
 length; the distances of centre lines both ways, p50 / p99 / maximum; of the samples of the file and
-their nearest the differences of width, heading and height, p99; the part of them whose speed limits
-differ; the transitions from lane to lane in the file that no car can make; the verdict. `--worst`
-prints the samples that differ most.
+their nearest the differences of width, heading and height, p99; the part of their lanes' area that
+is more than 0.3 m off all paving; the part of them whose speed limits differ; the transitions from
+lane to lane in the file that no car can make; the verdict. `--worst` prints the samples that differ
+most.
 """
 
 import argparse
@@ -24,34 +25,38 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+import shapely
 from advercity_dsl import MapFile, MapNetwork, Road
 from numpy.typing import NDArray
 from opendrive_links import count_links, list_missing_links
 from opendrive_samples import Floats, LaneSamples, OpenDriveMap
 from scipy.spatial import KDTree
+from shapely.geometry.base import BaseGeometry
 
 from advercity.errors import InputError
 from advercity.foreign.ledger import describe_left_out
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.map_import import import_map
 from advercity.roads.network_file import parse_packed_network
-from advercity.roads.road_network import build_road
+from advercity.roads.road_network import RoadNetwork, build_road
 
 STEP_M = 0.5
 MIN_WIDTH_M = 1.0
 HEADING_SCALE_M = 3.0
 """Metres that a radian counts as, where the nearest sample is sought among poses."""
 MAX_SPEED_DIFFERENCE_M_S = 0.05
+PAVING_TOLERANCE_M = 0.3
 GOALS = {
     "missing lanes": 0.3,
     "invented lanes": 0.3,
     "widths": 0.3,
     "headings": 5.0,
     "heights": 0.3,
+    "paving": 0.01,
     "speeds": 0.01,
     "links": 0,
 }
-"""Of a map that is as in its file, at most: 99th percentiles in m and degrees, a part, a number."""
+"""At most, by column, in a map that is as in its file: p99 in m and degrees, parts, a number."""
 NO_ROADWAY = ("sidewalk", "crossing", "parking")
 """Kinds of imported lanes that no lane for vehicles is compared with."""
 HEADER = (
@@ -64,6 +69,7 @@ HEADER = (
     "width, m",
     "heading, °",
     "height, m",
+    "unpaved",
     "other speed",
     "no way",
     "verdict",
@@ -185,69 +191,82 @@ def compare_map(path: Path, worst_count: int = 0) -> Comparison:
     """Compare one map with what advercity makes of it."""
     try:
         imported = import_map(MapFile(source="opendrive", file=path.name), ROAD, path.parent)
-        lanes = build_road(ROAD.model_copy(update={"imported": imported})).lanes
+        road = build_road(ROAD.model_copy(update={"imported": imported}))
     except InputError as error:
         return _build_verdict(path, f"refused: {error}", is_as_wanted=True)
     except Exception as error:
         remark = f"TRACEBACK: {type(error).__name__}: {error}"
         worst = traceback.format_exc().splitlines()[-worst_count:] if worst_count else []
         return _build_verdict(path, remark, is_as_wanted=False, worst=worst)
-    opendrive = OpenDriveMap(_read_root(path))
-    return _compare_lanes(path, opendrive, imported, lanes, worst_count)
+    try:
+        opendrive = OpenDriveMap(_read_root(path))
+        return _compare_road(path, opendrive, imported, road, worst_count)
+    except ValueError as error:
+        return _build_verdict(path, f"imported, not compared: {error}", is_as_wanted=False)
 
 
-def _compare_lanes(
-    path: Path,
-    opendrive: OpenDriveMap,
-    imported: MapNetwork,
-    lanes: Sequence[LaneSegment],
-    worst_count: int,
+def _compare_road(
+    path: Path, opendrive: OpenDriveMap, imported: MapNetwork, road: RoadNetwork, worst_count: int
 ) -> Comparison:
     network = parse_packed_network(imported.network)
     speeds_m_s = {lane.id: lane.speed_limit_m_s for lane in network.lanes}
     file_lanes = list(opendrive.sample_vehicle_lanes(STEP_M))
     of_file = sample_file(file_lanes)
-    roadway = [lane for lane in lanes if lane.kind not in NO_ROADWAY]
+    roadway = [lane for lane in road.lanes if lane.kind not in NO_ROADWAY]
     driving = [lane for lane in roadway if lane.kind == "driving"]
     of_import, of_driving = (
-        sample_import(some, speeds_m_s, imported.offset_m) for some in (roadway, driving)
+        sample_import(lanes, speeds_m_s, imported.offset_m) for lanes in (roadway, driving)
     )
     there, back = compare(of_file, of_import), compare(of_driving, of_file)
-    missing = list_missing_links(opendrive, network, imported.offset_m)
-    found = {
-        "missing lanes": _percentiles(there.distance_m)[1],
-        "invented lanes": _percentiles(back.distance_m)[1],
-        "widths": _percentiles(there.width_m)[1],
-        "headings": _percentiles(there.heading_deg)[1],
-        "heights": _percentiles(there.height_m)[1],
-        "speeds": float(there.has_other_speed.mean()),
-        "links": len(missing),
-    }
-    faults = [name for name, value in found.items() if value > GOALS[name]]
-    left_out = describe_left_out(imported.left_out)
-    row = (
-        _name(path),
-        str(len(opendrive.roads)),
-        str(len(file_lanes)),
-        f"{len(of_file.values) * STEP_M / 1000:.2f}",
-        *(
-            " / ".join(f"{value:.2f}" for value in _percentiles(item.distance_m))
-            for item in (there, back)
-        ),
-        f"{found['widths']:.2f}",
-        f"{found['headings']:.1f}",
-        f"{found['heights']:.2f}",
-        f"{found['speeds']:.0%}",
-        f"{len(missing)} of {count_links(opendrive)}",
-        (f"OFF: {', '.join(faults)}" if faults else "as in the file")
-        + (f"; left out: {left_out}" if left_out else ""),
-    )
-    worst = [*_describe_worst(there, back, worst_count), *missing[:worst_count]]
+    missing_links = list_missing_links(opendrive, network, imported.offset_m)
+    unpaved = measure_unpaved_part(file_lanes, road.paved_area, imported.offset_m)
+    other_speed = float(there.has_other_speed.mean())
+    found = [
+        (_p99(there.distance_m), _describe_spread(there.distance_m)),
+        (_p99(back.distance_m), _describe_spread(back.distance_m)),
+        (_p99(there.width_m), f"{_p99(there.width_m):.2f}"),
+        (_p99(there.heading_deg), f"{_p99(there.heading_deg):.1f}"),
+        (_p99(there.height_m), f"{_p99(there.height_m):.2f}"),
+        (unpaved, f"{unpaved:.1%}"),
+        (other_speed, f"{other_speed:.0%}"),
+        (len(missing_links), f"{len(missing_links)} of {count_links(opendrive)}"),
+    ]
+    faults = [
+        name
+        for (name, goal), (value, _) in zip(GOALS.items(), found, strict=True)
+        if not value <= goal
+    ]
+    verdict = f"OFF: {', '.join(faults)}" if faults else "as in the file"
+    if imported.left_out:
+        verdict += f"; left out: {describe_left_out(imported.left_out)}"
+    size = len(opendrive.roads), len(file_lanes), f"{len(of_file.values) * STEP_M / 1000:.2f}"
+    row = (_name(path), *map(str, size), *(text for _, text in found), verdict)
+    worst = [*_describe_worst(there, back, worst_count), *missing_links[:worst_count]]
     return Comparison(row, not faults, tuple(worst))
 
 
-def _percentiles(values: Floats) -> list[float]:
-    return [float(np.percentile(values, part)) for part in (50, 99, 100)]
+def _p99(values: Floats) -> float:
+    return float(np.percentile(values, 99))
+
+
+def _describe_spread(values: Floats) -> str:
+    return " / ".join(f"{np.percentile(values, part):.2f}" for part in (50, 99, 100))
+
+
+def measure_unpaved_part(
+    lanes: Iterable[LaneSamples], paved_area: BaseGeometry, offset_m: Sequence[float]
+) -> float:
+    """Measure the part of the area of lanes, in map coordinates, that is off all paving."""
+    quads: list[Floats] = []
+    for lane in lanes:
+        normal = np.column_stack([-np.sin(lane.heading), np.cos(lane.heading)])
+        middle = lane.centre[:, :2] - offset_m
+        sides = [middle + part * lane.width_m[:, None] * normal for part in (0.5, -0.5)]
+        quads.append(np.stack([sides[0][:-1], sides[0][1:], sides[1][1:], sides[1][:-1]], axis=1))
+    areas = shapely.make_valid(shapely.polygons(np.concatenate(quads)))
+    roadway = shapely.union_all(areas, grid_size=0.001)
+    unpaved = shapely.difference(roadway, shapely.buffer(paved_area, PAVING_TOLERANCE_M))
+    return float(unpaved.area / roadway.area)
 
 
 def _describe_worst(there: Differences, back: Differences, count: int) -> Iterator[str]:

@@ -21,6 +21,10 @@ VEHICLE_LANES = frozenset(
     | {"connectingRamp", "slipLane", "mwyEntry", "mwyExit"}
 )
 """Types of lanes that motor vehicles drive on."""
+NOT_SAMPLED = (
+    "road/lateralProfile/crossSectionSurface",
+    "road/lanes/laneSection[@singleSide='true']",
+)
 TANGENT_STEP_M = 0.02
 """Distance between the two points that a heading is taken from."""
 POLY3_STEPS = 4000
@@ -351,9 +355,16 @@ def read_speed_m_s(speed: Element) -> float:
 
 
 class OpenDriveMap:
-    """The roads of a map and their lane sections, in file order."""
+    """The roads of a map and their lane sections, in file order.
+
+    Raises:
+        ValueError: The map has something that is not sampled, or a value that is no number.
+    """
 
     def __init__(self, root: Element) -> None:
+        for name in NOT_SAMPLED:
+            if root.find(name) is not None:
+                raise ValueError(f"{name.rpartition('/')[2]} is not sampled")
         self.root = root
         self.roads = {road.id: road for road in map(Road, root.iterfind("road"))}
 

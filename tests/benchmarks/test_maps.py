@@ -8,8 +8,17 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import shapely
 from advercity_dsl import MapFile
-from maps import ROAD, compare, compare_map, main, sample_file, sample_import
+from maps import (
+    ROAD,
+    compare,
+    compare_map,
+    main,
+    measure_unpaved_part,
+    sample_file,
+    sample_import,
+)
 from opendrive_links import list_links, list_missing_links
 from opendrive_samples import OpenDriveMap
 
@@ -97,6 +106,14 @@ def test_lanes_that_lead_back_are_not_those_that_lead_on() -> None:
     assert compare_street(turned, segment(-5.5, 3))["missing"] == pytest.approx(3.5)
 
 
+def test_paving_that_is_missing_is_a_part_of_the_lanes() -> None:
+    """Lanes 7 m wide and 100 m long, of which the last 20.3 m are not paved."""
+    lanes = list(read(STREET).sample_vehicle_lanes(0.5))
+    whole, short = (shapely.box(-500, -8, end, 0) for end in (-400, -420.3))
+    assert measure_unpaved_part(lanes, whole, (500, 0)) == 0
+    assert measure_unpaved_part(lanes, short, (500, 0)) == pytest.approx(0.2, abs=1e-3)
+
+
 def test_links_of_a_junction_are_asked_of_the_network() -> None:
     path = DATA / "junction.xodr"
     opendrive = read(path.read_text(encoding="utf-8"))
@@ -115,8 +132,8 @@ def test_a_map_is_compared_with_what_becomes_of_it(capsys: pytest.CaptureFixture
     # Two lanes in each of two roads, 100 m and an arc of 50 m.
     assert row[1:3] == ["2", "4"]
     assert float(row[3]) == pytest.approx(0.3, abs=0.01)
-    assert row[9:11] == ["0%", "0 of 2"]
-    assert row[11].startswith("as in the file")
+    assert row[9:12] == ["0.0%", "0%", "0 of 2"]
+    assert row[12].startswith("as in the file")
 
 
 def test_a_map_that_is_refused_is_named_with_the_reason(
@@ -126,7 +143,7 @@ def test_a_map_that_is_refused_is_named_with_the_reason(
     assert main([str(tmp_path)]) == 0
     row = capsys.readouterr().out.splitlines()[-1].split(" | ")
     assert row[0].endswith("/empty")
-    assert row[11].startswith("refused: empty.xodr: ")
+    assert row[12].startswith("refused: empty.xodr: ")
 
 
 @pytest.mark.slow
