@@ -25,6 +25,10 @@ NOT_SAMPLED = (
     "road/lateralProfile/crossSectionSurface",
     "road/lanes/laneSection[@singleSide='true']",
 )
+SAME_PLACE_M = 1e-6
+"""A record that starts at most so far ahead of a place is valid there: numbers are rounded."""
+END_MARGIN_M = 1e-5
+"""Lanes are sampled to so far from the end of their section, where the next records start."""
 TANGENT_STEP_M = 0.02
 """Distance between the two points that a heading is taken from."""
 POLY3_STEPS = 4000
@@ -60,12 +64,12 @@ class Cubics:
         index = find_pieces(self.starts, s)
         powers = np.maximum(s - self.starts[index], 0.0)[:, None] ** np.arange(4)
         values = (self.coefficients[index] * powers).sum(axis=1)
-        return np.where(s < self.starts[0], 0.0, values)
+        return np.where(s + SAME_PLACE_M < self.starts[0], 0.0, values)
 
 
 def find_pieces(starts: Floats, s: Floats) -> NDArray[np.intp]:
     """Find the pieces that distances are in; the first also for those before it."""
-    return np.maximum(np.searchsorted(starts, s, side="right") - 1, 0)
+    return np.maximum(np.searchsorted(starts, s + SAME_PLACE_M, side="right") - 1, 0)
 
 
 class Road:
@@ -74,7 +78,7 @@ class Road:
     Attributes:
         id: Id of the road.
         junction: Id of the junction that it is in, or empty.
-        length_m: Length of the reference line.
+        length_m: Length as declared, or of its geometries if these are shorter.
         element: Its element.
     """
 
@@ -83,11 +87,12 @@ class Road:
         self.id = element.get("id", "")
         junction = element.get("junction", "-1")
         self.junction = "" if junction == "-1" else junction
-        self.length_m = float(element.get("length", 0))
         self._geometries = sorted(
             element.iterfind("planView/geometry"), key=lambda item: float(item.get("s", 0))
         )
         self._geometry_starts = np.array([float(item.get("s", 0)) for item in self._geometries])
+        ends = [float(item.get("s", 0)) + float(item.get("length", 0)) for item in self._geometries]
+        self.length_m = min(float(element.get("length", 0)), max(ends, default=0.0))
         self._elevation = Cubics.from_elements(element.iterfind("elevationProfile/elevation"))
         self._superelevation = Cubics.from_elements(
             element.iterfind("lateralProfile/superelevation")
@@ -258,8 +263,9 @@ class LaneSection:
     def sample(self, lane: int, step_m: float) -> LaneSamples:
         """Sample a lane at distances of at most `step_m`, its ends included."""
         count = max(2, math.ceil((self.end_m - self.start_m) / step_m) + 1)
-        s = np.linspace(self.start_m, self.end_m, count)
-        ahead = np.minimum(s + TANGENT_STEP_M / 2, self.end_m)
+        end_m = max(self.start_m, self.end_m - END_MARGIN_M)
+        s = np.linspace(self.start_m, end_m, count)
+        ahead = np.minimum(s + TANGENT_STEP_M / 2, end_m)
         behind = np.maximum(s - TANGENT_STEP_M / 2, self.start_m)
         tangent = self._centre(lane, ahead) - self._centre(lane, behind)
         inner, outer = self._surface_borders(lane, s)
@@ -334,8 +340,7 @@ class LaneSection:
 
 
 def _start(item: Element) -> float:
-    # A tenth of a millimetre keeps samples at a record's start within it.
-    return float(item.get("s", item.get("sOffset", 0))) - 1e-4
+    return float(item.get("s", item.get("sOffset", 0))) - SAME_PLACE_M
 
 
 def _read_heights(lane: Element, at: Floats) -> tuple[Floats, Floats]:

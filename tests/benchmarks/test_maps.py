@@ -97,7 +97,7 @@ def test_lanes_as_in_the_file_differ_in_nothing() -> None:
 )
 def test_what_differs_shows(lanes: list[LaneSegment], expected: dict[str, float]) -> None:
     found = compare_street(*lanes)
-    assert found == pytest.approx(dict.fromkeys(found, 0.0) | expected, abs=1e-9)
+    assert found == pytest.approx(dict.fromkeys(found, 0.0) | expected, abs=1e-4)
 
 
 def test_lanes_that_lead_back_are_not_those_that_lead_on() -> None:
