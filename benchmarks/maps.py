@@ -29,7 +29,7 @@ import shapely
 from advercity_dsl import MapFile, MapNetwork, Road
 from numpy.typing import NDArray
 from opendrive_links import count_links, list_missing_links
-from opendrive_samples import Floats, LaneSamples, OpenDriveMap
+from opendrive_samples import Floats, LaneSamples, OpenDriveMap, build_poses
 from scipy.spatial import KDTree
 from shapely.geometry.base import BaseGeometry
 
@@ -42,8 +42,6 @@ from advercity.roads.road_network import RoadNetwork, build_road
 
 STEP_M = 0.5
 MIN_WIDTH_M = 1.0
-HEADING_SCALE_M = 3.0
-"""Metres that a radian counts as, where the nearest sample is sought among poses."""
 MAX_SPEED_DIFFERENCE_M_S = 0.05
 PAVING_TOLERANCE_M = 0.3
 GOALS = {
@@ -105,8 +103,8 @@ class Samples:
 
     @property
     def poses(self) -> Floats:
-        """Points and directions (n, 5), whose distances say how alike samples are."""
-        return np.hstack([self.points, HEADING_SCALE_M * self.directions])
+        """Rows (n, 5) whose distances say how alike samples are."""
+        return build_poses(self.points, self.values[:, 3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +216,9 @@ def _compare_road(
         sample_import(lanes, speeds_m_s, imported.offset_m) for lanes in (roadway, driving)
     )
     there, back = compare(of_file, of_import), compare(of_driving, of_file)
-    missing_links = list_missing_links(opendrive, network, imported.offset_m)
+    missing_links = list_missing_links(
+        opendrive, road.lanes, network.connections, imported.offset_m
+    )
     unpaved = measure_unpaved_part(file_lanes, road.paved_area, imported.offset_m)
     other_speed = float(there.has_other_speed.mean())
     found = [

@@ -1,4 +1,4 @@
-"""Transitions from lane to lane of an OpenDRIVE map, and those that a SUMO network lacks."""
+"""Transitions from lane to lane of an OpenDRIVE map, and those that an import lacks."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
@@ -6,18 +6,19 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from opendrive_samples import Floats, LaneSamples, OpenDriveMap
+from opendrive_samples import Floats, LaneSamples, OpenDriveMap, build_poses
 from scipy.spatial import KDTree
 
-from advercity.roads.network_file import SumoNetwork
+from advercity.roads.lane_segments import LaneSegment
+from advercity.roads.network_file import LaneConnection
 
 STEP_M = 1.0
 NEAR_END_M = 10.0
-"""Part of a lane at its end in which the network's lane is looked for; it may end earlier."""
+"""Part of a lane at its end in which the imported one is looked for; it may end earlier."""
 MAX_DISTANCE_M = 1.5
 MIN_WIDTH_M = 1.0
 MAX_CONNECTIONS = 4
-"""Connections of a network that one transition may consist of, over short edges between."""
+"""Connections that one transition may consist of, over short lanes between."""
 
 
 class LaneKey(NamedTuple):
@@ -39,10 +40,13 @@ def list_links(opendrive: OpenDriveMap) -> list[tuple[LaneKey, LaneKey]]:
 
 
 def list_missing_links(
-    opendrive: OpenDriveMap, network: SumoNetwork, offset_m: Sequence[float]
+    opendrive: OpenDriveMap,
+    lanes: Iterable[LaneSegment],
+    connections: Iterable[LaneConnection],
+    offset_m: Sequence[float],
 ) -> list[str]:
-    """List the transitions that no connections of a network make."""
-    lanes = _NetworkLanes(network, offset_m)
+    """List the transitions that no connections of the imported lanes make."""
+    imported = _ImportedLanes(lanes, connections, offset_m)
     samples: dict[LaneKey, LaneSamples] = {}
     missing: list[str] = []
     for pair in list_links(opendrive):
@@ -52,7 +56,7 @@ def list_missing_links(
         origin, target = (samples[key] for key in pair)
         count = int(NEAR_END_M / STEP_M)
         end, start = _poses(origin)[-count:], _poses(target)[:count]
-        if len(end) and len(start) and not lanes.are_connected(end, start):
+        if len(end) and len(start) and not imported.are_connected(end, start):
             missing.append(f"no way from {_describe(pair[0])} to {_describe(pair[1])}")
     return missing
 
@@ -67,8 +71,7 @@ def _describe(key: LaneKey) -> str:
 
 
 def _poses(lane: LaneSamples) -> Floats:
-    heading = 3.0 * np.column_stack([np.cos(lane.heading), np.sin(lane.heading)])
-    return np.hstack([lane.centre, heading])[lane.width_m >= MIN_WIDTH_M]
+    return build_poses(lane.centre, lane.heading)[lane.width_m >= MIN_WIDTH_M]
 
 
 class _LinkGraph:
@@ -154,24 +157,27 @@ class _LinkGraph:
         return self._map.sections[key.road][key.section].lanes[key.lane]
 
 
-class _NetworkLanes:
-    """Lanes for cars of a network between junctions, found by pose, and how they connect."""
+class _ImportedLanes:
+    """Imported lanes for cars between junctions, found by pose, and how they connect."""
 
-    def __init__(self, network: SumoNetwork, offset_m: Sequence[float]) -> None:
+    def __init__(
+        self,
+        lanes: Iterable[LaneSegment],
+        connections: Iterable[LaneConnection],
+        offset_m: Sequence[float],
+    ) -> None:
         poses: list[Floats] = []
         self._ids: list[str] = []
-        for lane in network.lanes:
-            if lane.is_driving_lane and len(lane.centre) > 1:
-                at = np.arange(0.0, lane.length_m, STEP_M / 2)
-                points = lane.line.points_at(at) + np.array([*offset_m, 0.0])
-                ahead = lane.line.points_at(at + 0.1) - lane.line.points_at(at - 0.1)
-                ahead[:, 2] = 0
-                ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
-                poses.append(np.hstack([points, 3.0 * ahead[:, :2]]))
+        for lane in lanes:
+            if lane.kind == "driving" and not lane.in_junction:
+                at = np.linspace(0.0, lane.length_m, 2 + int(lane.length_m / STEP_M))
+                points = lane.points_at(at, 0.5) + np.array([*offset_m, 0.0])
+                tangent = np.gradient(points[:, :2], axis=0)
+                poses.append(build_poses(points, np.arctan2(tangent[:, 1], tangent[:, 0])))
                 self._ids += [lane.id] * len(at)
         self._tree = KDTree(np.concatenate(poses))
         self._next: dict[str, set[str]] = defaultdict(set)
-        for link in network.connections:
+        for link in connections:
             self._next[link.origin].add(link.target)
 
     def are_connected(self, end: Floats, start: Floats) -> bool:

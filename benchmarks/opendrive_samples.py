@@ -25,6 +25,8 @@ NOT_SAMPLED = (
     "road/lateralProfile/crossSectionSurface",
     "road/lanes/laneSection[@singleSide='true']",
 )
+HEADING_SCALE_M = 3.0
+"""Metres that a radian counts as, where samples are compared as poses."""
 SAME_PLACE_M = 1e-6
 """A record that starts at most so far ahead of a place is valid there: numbers are rounded."""
 END_MARGIN_M = 1e-5
@@ -207,6 +209,12 @@ def _evaluate_curve(shape: Element, axis: str, at: Floats) -> tuple[Floats, Floa
     """Evaluate the cubic of a geometry's axis, `U`, `V` or empty, and its derivative."""
     a, b, c, d = (float(shape.get(name + axis, 0)) for name in "abcd")
     return a + b * at + c * at**2 + d * at**3, b + 2 * c * at + 3 * d * at**2
+
+
+def build_poses(points: Floats, heading: Floats) -> Floats:
+    """Join points (n, 3) and headings (n,) to rows whose distances say how alike poses are."""
+    direction = np.column_stack([np.cos(heading), np.sin(heading)])
+    return np.hstack([points, HEADING_SCALE_M * direction])
 
 
 @dataclass(frozen=True, eq=False)

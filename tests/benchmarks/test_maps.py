@@ -24,7 +24,8 @@ from opendrive_samples import OpenDriveMap
 
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.map_import import import_map
-from advercity.roads.network_file import SumoNetwork, parse_packed_network
+from advercity.roads.network_file import parse_packed_network
+from advercity.roads.road_network import build_road
 
 DATA = Path(__file__).parents[1] / "data/maps"
 TOWN07 = os.environ.get("ADVERCITY_TOWN07")
@@ -118,11 +119,11 @@ def test_links_of_a_junction_are_asked_of_the_network() -> None:
     path = DATA / "junction.xodr"
     opendrive = read(path.read_text(encoding="utf-8"))
     imported = import_map(MapFile(source="opendrive", file=path.name), ROAD, path.parent)
-    network = parse_packed_network(imported.network)
+    lanes = build_road(ROAD.model_copy(update={"imported": imported})).lanes
+    connections = parse_packed_network(imported.network).connections
     assert len(list_links(opendrive)) > 3
-    assert list_missing_links(opendrive, network, imported.offset_m) == []
-    closed = SumoNetwork(network.edges, network.junctions, (), network.programs)
-    missing = list_missing_links(opendrive, closed, imported.offset_m)
+    assert list_missing_links(opendrive, lanes, connections, imported.offset_m) == []
+    missing = list_missing_links(opendrive, lanes, (), imported.offset_m)
     assert len(missing) == len(list_links(opendrive))
 
 
