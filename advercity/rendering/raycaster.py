@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import chain
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from advercity.geometry.arrays import FloatArray, IndexArray
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import Matrix
 from advercity.materials import ACTOR_PAINT, MATERIALS
+from advercity.rendering.cover import Cover
 from advercity.rendering.embree import EmbreeMesh, EmbreeScene
 from advercity.world import World
 
@@ -28,6 +30,7 @@ MATERIAL_NAMES = tuple(MATERIALS)
 MATERIAL_INDEX = {name: index for index, name in enumerate(MATERIAL_NAMES)}
 """Index of a material in `MATERIAL_NAMES`."""
 _ACTOR_PAINT = -1
+_Value = TypeVar("_Value", bound="np.floating[Any]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +44,7 @@ class RayHits:
         material: (n,) int16 into `MATERIAL_NAMES`.
         semantic: (n,) uint8 of `Semantic`.
         instance: (n,) int32 id of the actor; 0 for everything static.
+        is_covered: (n,) whether precipitation is kept off; None in a world without cover.
     """
 
     range_m: FloatArray
@@ -49,10 +53,19 @@ class RayHits:
     material: NDArray[np.int16]
     semantic: NDArray[np.uint8]
     instance: NDArray[np.int32]
+    is_covered: NDArray[np.bool_] | None = None
 
     def select(self, rows: IndexArray) -> "RayHits":
         """Select hits by row numbers."""
-        return RayHits(*(getattr(self, item.name)[rows] for item in fields(self)))
+        columns: list[Any] = [getattr(self, item.name) for item in fields(self)]
+        selected: list[Any] = [None if column is None else column[rows] for column in columns]
+        return RayHits(*selected)
+
+    def keep_exposed(self, values: NDArray[_Value]) -> NDArray[_Value]:
+        """Return values (n,) of precipitation on the surfaces, which are 0 under cover."""
+        if self.is_covered is None:
+            return values
+        return np.where(self.is_covered, values.dtype.type(0), values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +100,15 @@ class Rays:
 
 
 class Raycaster:
-    """Casts rays into a world whose actors are placed frame by frame."""
+    """Casts rays into a world whose actors are placed frame by frame.
+
+    Attributes:
+        cover: What keeps precipitation off parts of the world; None without any.
+    """
 
     def __init__(self, world: World) -> None:
         self._bodies = world.bodies
+        self.cover = Cover.from_meshes(world.static)
         self._triangles = _TriangleTable()
         self._world = self._register_meshes(world.static, is_shared=True)
         self._rigid: dict[BodyShape, _RegisteredMesh] = {}
@@ -147,7 +165,16 @@ class Raycaster:
             material=material,
             semantic=table.semantic.take(triangle, mode="wrap"),
             instance=placed.instance.take(found.instance, mode="wrap"),
+            is_covered=self._find_covered(rays, found.range_m),
         )
+
+    def _find_covered(self, rays: Rays, range_m: FloatArray) -> NDArray[np.bool_] | None:
+        """Find which hits of rays are under cover."""
+        if self.cover is None:
+            return None
+        reach_m = np.where(np.isfinite(range_m), range_m, np.float32(0.0))
+        covered = self.cover.find_covered(rays.origins + reach_m[:, None] * rays.directions)
+        return covered & np.isfinite(range_m)
 
     def _build_placement(self, frame: Frame, previous_frame: Frame | None) -> "_PlacedFrame":
         states = frame.states

@@ -167,12 +167,15 @@ def effective_reflectance(
 ) -> FloatArray:
     """Compute reflectance at 905 nm times cosine of incidence (n,); above 1 for retroreflectors.
 
-    Water films and snow cover surfaces that face up; walls and windows stay as they are.
+    Water films and snow cover surfaces that face up and are under the sky; walls and windows stay
+    as they are.
     `wetness` is 0 dry to 1 soaked; covers are fractions of the ground and of carriageways.
     """
     reflectance = _DIFFUSE.take(hits.material)
     upward = (
-        np.clip(hits.normal[:, 2], 0.0, 1.0) if wetness or snow_cover or road_snow_cover else None
+        hits.keep_exposed(np.clip(hits.normal[:, 2], 0.0, 1.0))
+        if wetness or snow_cover or road_snow_cover
+        else None
     )
     if upward is not None and (snow_cover or road_snow_cover):
         on_road = (hits.semantic == Semantic.ROAD) | (hits.semantic == Semantic.ROAD_LINE)
@@ -185,14 +188,17 @@ def effective_reflectance(
         wet = wet_reflectance_ratio(reflectance, hits.cosine)
         effective *= 1.0 + np.float32(wetness) * upward * (wet - 1.0)
     special = np.flatnonzero(~_IS_PLAIN.take(hits.material))
+    wet = wetness
+    if hits.is_covered is not None:
+        wet = hits.keep_exposed(np.full(len(effective), wetness, np.float32)).take(special)
     effective[special] += _special_reflectance(
-        hits.material.take(special), hits.cosine.take(special), wetness
+        hits.material.take(special), hits.cosine.take(special), wet
     )
     return effective
 
 
 def _special_reflectance(
-    material: NDArray[np.int16], cosine: FloatArray, wetness: float
+    material: NDArray[np.int16], cosine: FloatArray, wetness: FloatArray | float
 ) -> FloatArray:
     """Compute the contributions (k,) of varnish, retroreflective sheeting and glass beads."""
     gloss = np.exp((cosine - 1.0) / GLOSS_WIDTH_RAD**2)

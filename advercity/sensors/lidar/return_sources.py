@@ -11,9 +11,15 @@ from numpy.typing import NDArray
 
 from advercity.frames import ActorState
 from advercity.geometry.arrays import FloatArray, IndexArray
+from advercity.geometry.poses import transform_points
 from advercity.rendering.raycaster import RayHits
 from advercity.semantics import Semantic
-from advercity.sensors.lidar.beams import build_scan_pattern, channel_efficiencies, sub_ray_weights
+from advercity.sensors.lidar.beams import (
+    beam_directions,
+    build_scan_pattern,
+    channel_efficiencies,
+    sub_ray_weights,
+)
 from advercity.sensors.lidar.conditions import AirTables, LidarConditions, LidarWindow
 from advercity.sensors.lidar.random_streams import (
     RandomStreams,
@@ -172,8 +178,15 @@ class ReturnSources:
         beam, range_m, power = table.sample(self._count, rng)
         noise = self._draw_stream_noise(rng, len(beam))
         power *= (range_m < self._stop_m[beam]) / np.float32(self._threshold)
+        if self.scan.cover is not None:
+            power *= ~self.scan.cover.find_covered(self._place_points(beam, range_m))
         self._apply_beam_gain(power, beam)
         return self._drop_weak(_build_airborne_returns(beam, range_m, power, noise, kind))
+
+    def _place_points(self, beam: NDArray[np.int32], range_m: FloatArray) -> FloatArray:
+        """Place points (k, 3) of beams at ranges in the world, as seen at the frame's instant."""
+        own = beam_directions(self.lidar, self.scan.time)[beam] * range_m[:, None]
+        return transform_points(self.scan.world_from_lidar, own)
 
     def _spray_returns(self, plume: PlumeCrossing, rng: np.random.Generator) -> Returns:
         """Compute the returns of one plume of spray, from its near side."""

@@ -11,6 +11,7 @@ from advercity.geometry.arrays import FloatArray, IndexArray
 from advercity.geometry.poses import Matrix
 from advercity.physics import water
 from advercity.physics.water import fresnel_reflectance
+from advercity.rendering.cover import Cover
 from advercity.rendering.raycaster import Raycaster, RayHits, Rays
 from advercity.semantics import Semantic
 from advercity.sensors.lidar.beams import (
@@ -59,6 +60,7 @@ class ScanHits:
         now_from_then: (azimuths, 4, 4) transform to the LiDAR frame at the frame's instant from
             that when the head passed each azimuth; None if the scan is instantaneous.
         time: When the scan is taken.
+        cover: What keeps precipitation off parts of the world; None without any.
     """
 
     hits: RayHits
@@ -68,6 +70,7 @@ class ScanHits:
     world_from_lidar: Matrix
     now_from_then: Matrix | None
     time: ScanTime = FIRST_SCAN
+    cover: Cover | None = None
 
 
 def cast_scan(
@@ -106,6 +109,7 @@ def cast_scan(
             else poses.invert_pose(world_from_lidar) @ world_from_head
         ),
         time=time,
+        cover=raycaster.cover,
     )
 
 
@@ -174,7 +178,7 @@ def _find_puddle_rays(rays: Rays, hits: RayHits, coverage: float) -> IndexArray:
     if not coverage:
         return np.empty(0, np.intp)
     ray = np.flatnonzero((hits.semantic == Semantic.ROAD) | (hits.semantic == Semantic.ROAD_LINE))
-    ray = ray.compress(hits.normal[:, 2].take(ray) > 0.9)
+    ray = ray.compress(hits.keep_exposed(hits.normal[:, 2]).take(ray) > 0.9)
     path = hits.range_m.take(ray)[:, None] * rays.directions.take(ray, axis=0)
     points = rays.origins.take(ray, axis=0) + path
     return ray.compress(water.is_in_puddle(points, coverage))
@@ -219,4 +223,5 @@ def _cast_secondary(
         material=hits.material * reached,
         semantic=hits.semantic * reached,
         instance=hits.instance * reached,
+        is_covered=None if hits.is_covered is None else hits.is_covered & reached,
     )

@@ -52,7 +52,7 @@ class HitSurfaces:
     def from_hits(hits: RayHits, wetness: float) -> "HitSurfaces":
         """Look up the surfaces of hits; a wet road is smoother and more like water."""
         is_road = (hits.semantic == Semantic.ROAD) | (hits.semantic == Semantic.ROAD_LINE)
-        film = np.where(is_road, np.float32(wetness), np.float32(0.0))
+        film = hits.keep_exposed(np.where(is_road, np.float32(wetness), np.float32(0.0)))
         permittivity = _PERMITTIVITY.take(hits.material)
         height_m = _HEIGHT_M.take(hits.material) * (1.0 - WATER_FILM_SMOOTHING * film)
         phase = 2.0 * WAVENUMBER_PER_M * height_m * hits.cosine

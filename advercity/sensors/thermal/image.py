@@ -199,7 +199,7 @@ def _find_puddles(
     on_road = (hits.semantic == Semantic.ROAD) | (hits.semantic == Semantic.ROAD_LINE)
     if not conditions.puddle_coverage:
         return np.zeros(len(points), np.bool_)
-    on_road &= hits.normal[:, 2] > 0.9
+    on_road &= hits.keep_exposed(hits.normal[:, 2]) > 0.9
     on_road[on_road] = water.is_in_puddle(points[on_road], conditions.puddle_coverage)
     return on_road
 

@@ -112,7 +112,7 @@ def _find_snow_cover(hits: RayHits, conditions: ThermalConditions) -> Float64Arr
     """Find the fraction (n,) of level surfaces under snow; nothing lies on road users."""
     on_road = (hits.semantic == Semantic.ROAD) | (hits.semantic == Semantic.ROAD_LINE)
     cover = np.array([conditions.snow_cover, conditions.road_snow_cover]).take(on_road)
-    return np.where(hits.instance > 0, 0.0, cover)
+    return hits.keep_exposed(np.where(hits.instance > 0, 0.0, cover))
 
 
 def warm_road_users(
