@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from advercity.geometry.polyline import Points
 from advercity.roads.opendrive.lane_types import LaneUse
 from advercity.roads.opendrive.lanes import LaneRibbon, Stretch
-from advercity.roads.opendrive.links import EndLink, StretchEnd
+from advercity.roads.opendrive.links import EndGroups, EndLink, StretchEnd
 
 MAX_ERROR_M = 0.01
 """Largest distance between a border and its polyline."""
@@ -57,9 +57,12 @@ class Street:
 
 
 def build_streets(
-    stretches: Sequence[Stretch], chosen: Iterable[int], links: Iterable[EndLink]
+    stretches: Sequence[Stretch], chosen: Iterable[int], links: Iterable[EndLink], nodes: EndGroups
 ) -> Iterator[Street]:
-    """Join stretches, by index, over links that neither add, drop nor change a lane."""
+    """Join stretches, by index, over links that neither add, drop nor change a lane.
+
+    Streets that would lead back to the node where they begin are two.
+    """
     by_end: dict[StretchEnd, list[EndLink]] = {}
     for link in links:
         for end in {link.first, link.second}:
@@ -86,7 +89,7 @@ def build_streets(
         for index in taken:
             left.pop(index, None)
         # SUMO has no edge that leads back to where it begins.
-        is_ring = following.get(chain[-1].opposite) == chain[0]
+        is_ring = nodes.find(chain[-1].opposite) == nodes.find(chain[0])
         middle = len(chain) // 2 if is_ring else 0
         for part in (chain[:middle], chain[middle:]):
             if part:

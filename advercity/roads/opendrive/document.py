@@ -123,6 +123,12 @@ class Road:
     line: int
     shape_sign: float = 1.0
 
+    @property
+    def is_loop(self) -> bool:
+        """Whether it leads back to itself, or to the junction that it comes from."""
+        ends = [link.id for link in (self.predecessor, self.successor) if link is not None]
+        return self.id in ends or (len(ends) > 1 and ends[0] == ends[1])
+
     def get_link(self, end: Contact) -> RoadLink | None:
         """Return what it is linked to at an end."""
         return self.predecessor if end == "start" else self.successor

@@ -72,6 +72,8 @@ def build_stretches(road: Road) -> Iterator[Stretch]:
             for base_m, group in zip(begins, limits, strict=True)
             for limit in group
         }
+        if road.is_loop:
+            changes.add(road.length_m / 2)
         inner = (at for at in sorted(changes) if section.begins_m < at < ends_m)
         for first_m, last_m in pairwise([section.begins_m, *inner, ends_m]):
             if last_m - first_m > MIN_LENGTH_M:

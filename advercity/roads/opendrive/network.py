@@ -39,6 +39,8 @@ OUTLINE_TOLERANCE_M = 0.02
 OUTLINE_KINDS = {"driving": "roadway", "shoulder": "roadway", "sidewalk": "sidewalk"}
 """Kinds of outlines by paving of a lane."""
 EDGE_PRIORITY = "1"
+TOUCH_M = 0.02
+"""Half the thickness of a node where streets touch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,8 +145,11 @@ class _Nodes:
             place = {axis: format_metres(value) for axis, value in zip("xyz", middle, strict=True)}
             kind = "traffic_light" if self._junctions.get(group) in self._governed else "priority"
             item = SubElement(root, "node", {"id": self._names[group], "type": kind, **place})
+            # Without an outline netconvert cuts metres off the lanes to make room for one.
             hull = shapely.MultiPoint(np.array(corners)[:, :2]).convex_hull
-            if group in self._crossed and isinstance(hull, shapely.Polygon):
+            if group not in self._crossed:
+                hull = shapely.buffer(hull, TOUCH_M, cap_style="flat", join_style="mitre")
+            if isinstance(hull, shapely.Polygon):
                 item.set("shape", format_shape(shapely.get_coordinates(hull)[:-1]))
         return root
 

@@ -95,21 +95,15 @@ def build_topology(document: OpenDriveMap, extent: BaseGeometry | None) -> MapTo
         for number, stretch in enumerate(stretches)
         if stretch.ribbons and not document.is_connecting(stretch.road)
     ]
-    streets = build_streets(stretches, plain, links)
+    groups = _group_ends(document, index, links, paths)
+    streets = build_streets(stretches, plain, links, groups)
     edges = {
         name: edge
         for number, street in enumerate(streets)
         if extent is None or _reaches(street, extent)
         for name, edge in _split_directions(street, number)
     }
-    return MapTopology(
-        stretches,
-        edges,
-        _group_ends(document, index, links, paths),
-        _place_lanes(edges),
-        links,
-        paths,
-    )
+    return MapTopology(stretches, edges, groups, _place_lanes(edges), links, paths)
 
 
 def _group_ends(

@@ -90,6 +90,37 @@ def test_a_lane_that_opens_makes_no_junction(opening: tuple[str, ...], tmp_path:
     assert {link.state for link in net.lane_links} == {"M"}
     # Each lane goes on in one lane: there and back.
     assert len(net.lane_links) == 2
+    # Vehicles would brake for longer ways between lanes that touch, which would not be straight.
+    paths = [item for edge in parse_packed_network(network.network).edges for item in edge.lanes]
+    assert all(item.length_m <= 0.2 for item in paths if item.function == "internal")
+
+
+@pytest.mark.parametrize("ends", ["road", "junction"])
+def test_a_road_that_leads_back_to_itself_is_two_streets(ends: str, tmp_path: Path) -> None:
+    if ends == "road":
+        linked = [
+            f'<{name} elementType="road" elementId="1" contactPoint="{contact}"/>'
+            for name, contact in (("predecessor", "end"), ("successor", "start"))
+        ]
+    else:
+        linked = [
+            f'<{name} elementType="junction" elementId="9"/>'
+            for name in ("predecessor", "successor")
+        ]
+    circle = road(
+        "1",
+        2 * np.pi * 40,
+        section(0.0, lane(1, "driving", 3.5), lane(-1, "driving", 3.5)),
+        shape='<arc curvature="0.025"/>',
+        link="".join(linked),
+    )
+    network = import_text(tmp_path, circle, '<junction id="9"/>')
+    net = ImportedNetwork.from_network(parse_packed_network(network.network))
+
+    assert len(net.edges) == 4
+    for item in read_lanes(network):
+        radii = np.linalg.norm(item.shape[:, :2] - (0.0, 40.0), axis=1)
+        np.testing.assert_allclose(radii, radii[0], atol=0.01)
 
 
 @pytest.mark.parametrize(
