@@ -18,7 +18,7 @@ from advercity.geometry.mesh import (
 from advercity.geometry.primitives import box, ellipsoid, loft_rings, tube
 from advercity.randomness import create_generator
 
-_LINING = "upholstery"
+LINING = "upholstery"
 _HEADROOM_M, _SEAT_BELOW_ROOF_M, _SEAT_PITCH_M = 0.24, 0.92, 0.86
 """Centre of a head and seats below the roof, and distance between rows of seats."""
 _WALL_M = 0.005
@@ -81,7 +81,7 @@ def build_cabin(blueprint_id: str, space: CabinSpace) -> list[MeshPart]:
     steering_wheel = _build_steering_wheel(space.head + xyz(0.46, 0, -0.36))
     dashboard = _build_dashboard(space)
     parts = [
-        *make_vehicle_parts(_LINING, lining, *seats),
+        *make_vehicle_parts(LINING, lining, *seats),
         *make_vehicle_parts("black_plastic", outside, dashboard, steering_wheel),
     ]
     driver = _build_driver(blueprint_id, space)
@@ -103,12 +103,12 @@ def build_model_cabin(
         return []
     space = _measure_space(panes, is_truck=is_truck)
     inside = build_cabin(blueprint_id, space)
-    own = sum(len(part.surface.triangles) for part in parts if part.material == _LINING)
+    own = sum(len(part.surface.triangles) for part in parts if part.material == LINING)
     if own > _OWN_SEATS:
         return [part for part in inside if part.layer == MeshLayer.OCCUPANT]
     hidden = [part.surface for part in parts if part.material != "glass" and part.wheel is None]
     lining = [_line(surface, space) for surface in hidden]
-    found = make_vehicle_parts(_LINING, *(item for item in lining if item is not None))
+    found = make_vehicle_parts(LINING, *(item for item in lining if item is not None))
     return [*inside, *set_layer(MeshLayer.DETAIL, found)]
 
 

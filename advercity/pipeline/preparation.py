@@ -12,6 +12,7 @@ from pathlib import Path
 from advercity_dsl import Spec
 
 from advercity.assets.bodies import build_body
+from advercity.assets.driver_side import seat_driver_on_right
 from advercity.assets.model_store import open_model_store
 from advercity.compiler.assembly import is_edited
 from advercity.conflicts.outcome import evaluate_outcomes
@@ -122,6 +123,8 @@ def load_or_build_world(spec: Spec, network_path: Path) -> World:
         )
         for name in spec.blueprints
     }
+    if spec.road.is_left_hand:
+        bodies = {name: seat_driver_on_right(body) for name, body in bodies.items()}
     for blueprint in spec.blueprints.values():
         # A body of the cache may be older than its model, whose images are not in it.
         store.prepare_model(blueprint)
