@@ -26,6 +26,7 @@ from advercity.roads.map_names import get_map_id, read_street_names, rename_netw
 from advercity.roads.map_plan import MapPlan
 from advercity.roads.network_file import SumoLane, SumoNetwork, parse_network
 from advercity.roads.opendrive.network import PlainNetwork, build_plain_network, complete_network
+from advercity.roads.opendrive.omissions import record_omissions
 from advercity.roads.opendrive.parsing import parse_opendrive
 from advercity.roads.opendrive.placing import PlacedMap, place_map
 from advercity.roads.osm_map import REMOVED_TYPE
@@ -121,7 +122,9 @@ def _plan_map(root: Element, declared: MapFile, road: Road, ledger: Ledger) -> M
 
 
 def _import_opendrive(found: LoadedMap, road: Road, declared: MapFile) -> MapNetwork:
+    ledger = Ledger()
     try:
+        record_omissions(found.root, ledger)
         placed = place_map(parse_opendrive(found.root))
         plain = build_plain_network(placed.document, _build_extent(declared, placed))
     except InputError as error:
@@ -145,6 +148,7 @@ def _import_opendrive(found: LoadedMap, road: Road, declared: MapFile) -> MapNet
         offset_m=placed.origin_m,
         place=placed.place,
         driving_side=placed.driving_side,
+        left_out=ledger.left_out,
     )
 
 

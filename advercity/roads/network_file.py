@@ -131,7 +131,12 @@ class SumoLane:
         """Build the area between its borders, wider by a margin on both sides."""
         left = self.compute_border(on_left=True, outward_m=margin_m)
         right = self.compute_border(on_left=False, outward_m=margin_m)
-        return build_enclosed_area(np.vstack([left, right[::-1]]))
+        area = shapely.Polygon(np.vstack([left, right[::-1]])[:, :2])
+        if area.is_valid:
+            return area
+        # A ring that passes over itself would lose what it encloses twice.
+        quads = np.stack([left[:-1], left[1:], right[1:], right[:-1]], axis=1)[:, :, :2]
+        return shapely.union_all([build_enclosed_area(quad) for quad in quads])
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,8 @@ from advercity.roads.opendrive.profiles import Cubic, Profile
 
 MAX_ROADS_M = 500_000.0
 """Total length of the roads of a map; a larger one would fill the memory."""
+MIN_GEOMETRY_M = 0.001
+"""Shorter geometries, which editors leave between others, may have any curvature."""
 MAX_CURVATURE_PER_M = 100.0
 MAX_TURN_RAD = 50.0
 """Largest change of direction of a spiral: eight turns."""
@@ -44,6 +46,8 @@ LIGHT_TYPES = frozenset(
     ["1000001", *(str(number) for number in range(1_000_007, 1_000_014)), "1000020"]
 )
 """Types of signals that are lights for vehicles, of the catalogue `OpenDRIVE`."""
+SKIPPED_JUNCTIONS = frozenset(["virtual", "crossing"])
+"""Types of junctions that are left out, with their connecting roads."""
 POLYNOMIAL_NAMES = {
     "poly3": ("a", "b", "c", "d"),
     "paramPoly3": ("aU", "bU", "cU", "dU", "aV", "bV", "cV", "dV"),
@@ -62,7 +66,7 @@ def parse_opendrive(root: Element) -> OpenDriveMap:
     skipped = {
         item.get("id", "")
         for item in root.iter("junction")
-        if item.get("type") in ("virtual", "crossing")
+        if item.get("type") in SKIPPED_JUNCTIONS
     }
     lights = {_text(item, "id") for item in root.iter("signal") if item.get("type") in LIGHT_TYPES}
     roads = [_parse_road(item, lights) for item in root.iter("road")]
@@ -104,7 +108,11 @@ def _parse_road(item: Element, lights: Collection[str]) -> Road:
         key=lambda section: section.begins_m,
     )
     geometries = sorted(
-        (_parse_geometry(piece) for piece in item.iterfind("planView/geometry")),
+        (
+            _parse_geometry(piece)
+            for piece in item.iterfind("planView/geometry")
+            if _number(piece, "length") > MIN_GEOMETRY_M
+        ),
         key=lambda piece: piece.begins_m,
     )
     if not geometries:

@@ -33,6 +33,16 @@ def evaluate_cubic(coefficients: Sequence[float], at: Values) -> Values:
     return a + at * (b + at * (c + at * d))
 
 
+def differentiate_cubic(coefficients: Sequence[float]) -> tuple[float, float, float, float]:
+    """Compute the coefficients of a cubic's derivative."""
+    return coefficients[1], 2 * coefficients[2], 3 * coefficients[3], 0.0
+
+
+def differentiate(profile: Profile) -> Profile:
+    """Compute the slope of a profile."""
+    return tuple(Cubic(item.begins_m, differentiate_cubic(item.coefficients)) for item in profile)
+
+
 def evaluate_profile(profile: Profile, at_m: Values) -> Values:
     """Evaluate a profile at distances (n,); 0 before its first polynomial and if it has none."""
     found = np.zeros_like(at_m)

@@ -6,7 +6,13 @@ import numpy as np
 
 from advercity.geometry.polyline import Points, left_normals, unit_vectors
 from advercity.roads.opendrive.document import PlanGeometry, Road
-from advercity.roads.opendrive.profiles import Values, evaluate_cubic, evaluate_profile
+from advercity.roads.opendrive.profiles import (
+    Values,
+    differentiate,
+    differentiate_cubic,
+    evaluate_cubic,
+    evaluate_profile,
+)
 
 QUADRATURE_POINTS = 64
 """Exact to rounding for a spiral of eight turns."""
@@ -40,9 +46,16 @@ def sample_offset_points(road: Road, at_m: Values, left_m: Values) -> Points:
     above_m = _sample_cross_section(road, at_m, left_m)
     aside = left_m * np.cos(roll) - above_m * np.sin(roll)
     rise = left_m * np.sin(roll) + above_m * np.cos(roll)
-    normals = left_normals(unit_vectors(headings))
-    z = evaluate_profile(road.elevation, at_m)[:, None] + rise
-    return np.concatenate([plan[:, None] + aside[..., None] * normals[:, None], z[..., None]], -1)
+    ahead = unit_vectors(headings)
+    # The plane of the cross-section leans back on a slope.
+    slope = np.arctan(evaluate_profile(differentiate(road.elevation), at_m))[:, None]
+    places = (
+        plan[:, None]
+        + aside[..., None] * left_normals(ahead)[:, None]
+        - (rise * np.sin(slope))[..., None] * ahead[:, None]
+    )
+    z = evaluate_profile(road.elevation, at_m)[:, None] + rise * np.cos(slope)
+    return np.concatenate([places, z[..., None]], axis=-1)
 
 
 def _sample_cross_section(road: Road, at_m: Values, left_m: Values) -> Values:
@@ -106,18 +119,14 @@ def _evaluate_parametric(
     u: tuple[float, ...], v: tuple[float, ...], at: Values
 ) -> tuple[Points, Values]:
     points = np.stack([evaluate_cubic(u, at), evaluate_cubic(v, at)], axis=1)
-    forward, aside = (evaluate_cubic(_differentiate(cubic), at) for cubic in (u, v))
+    forward, aside = (evaluate_cubic(differentiate_cubic(cubic), at) for cubic in (u, v))
     return points, np.arctan2(aside, forward)
-
-
-def _differentiate(cubic: tuple[float, ...]) -> tuple[float, float, float, float]:
-    return cubic[1], 2 * cubic[2], 3 * cubic[3], 0.0
 
 
 def _find_parameters(piece: PlanGeometry, along_m: Values) -> Values:
     """Find u of a cubic v(u) at arc lengths (n,)."""
     count = int(min(max(piece.length_m / ARC_TABLE_STEP_M, 100), MAX_TABLE_SIZE))
     u = np.linspace(0.0, piece.length_m, count + 1)
-    speed = np.hypot(1.0, evaluate_cubic(_differentiate(piece.values), u))
+    speed = np.hypot(1.0, evaluate_cubic(differentiate_cubic(piece.values), u))
     travelled = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(u))])
     return np.interp(along_m, travelled, u)

@@ -1,0 +1,59 @@
+"""Values of an OpenDRIVE document that are left out; the table of the standard has the rest."""
+
+from xml.etree.ElementTree import Element
+
+from advercity.foreign.ledger import Ledger
+from advercity.foreign.standards import load_standard
+from advercity.roads.georeference import parse_projection
+from advercity.roads.opendrive.lane_types import LANE_USES
+from advercity.roads.opendrive.parsing import LIGHT_TYPES, SKIPPED_JUNCTIONS
+
+POLYNOMIAL = ("a", "b", "c", "d")
+
+
+def record_omissions(root: Element, ledger: Ledger) -> None:
+    """Record all of a document that is left out, by name."""
+    load_standard("opendrive").audit(root, ledger)
+    for lane in root.iter("lane"):
+        _record_lane(lane, ledger)
+    for item in root.iter("junction"):
+        if item.get("type") in SKIPPED_JUNCTIONS:
+            kind = item.get("type")
+            ledger.leave_out(f"{kind} junction", at=item)
+    for item in root.iter("signal"):
+        if item.get("type") not in LIGHT_TYPES:
+            ledger.leave_out(
+                "signal that is no light", plural="signals that are no lights", at=item
+            )
+    for item in root.iter("object"):
+        if item.get("type") != "crosswalk":
+            name = "object that is no crosswalk"
+            ledger.leave_out(name, plural="objects that are no crosswalks", at=item)
+    for item in root.iter("superelevation"):
+        if any(_is_not_zero(item.get(name, "0")) for name in POLYNOMIAL):
+            name = "roll of vehicles by a superelevation"
+            ledger.leave_out(name, plural="rolls of vehicles by superelevations", at=item)
+    for item in root.iter("geoReference"):
+        if (item.text or "").strip() and parse_projection(item.text or "") is None:
+            ledger.leave_out("projection that is not transverse Mercator", at=item)
+
+
+def _record_lane(lane: Element, ledger: Ledger) -> None:
+    kind = lane.get("type", "none")
+    if lane.get("id") in (None, "0") or kind == "none":
+        return
+    if kind == "bidirectional":
+        name = "second direction of a bidirectional lane"
+        ledger.leave_out(name, plural="second directions of bidirectional lanes", at=lane)
+    elif kind not in LANE_USES:
+        name = f"of unknown type '{kind[:40]}'"
+        ledger.leave_out(f"lane {name}", plural=f"lanes {name}", at=lane)
+    elif LANE_USES[kind] is None:
+        ledger.leave_out(f"{kind} lane", at=lane)
+
+
+def _is_not_zero(text: str) -> bool:
+    try:
+        return float(text) != 0
+    except ValueError:
+        return True
