@@ -21,6 +21,7 @@ What is below an element that is left out is left out with it.
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,22 @@ class Standard:
                 name = _shorten(column)
                 ledger.leave_out(f"column {name}", plural=f"columns {name}", at=1)
 
+    def audit_tags(self, element: Element, kind: str, ledger: Ledger) -> None:
+        """Record the tags, keys with values, of an element that are left out.
+
+        Args:
+            element: A node, way or relation with `<tag k= v=>`.
+            kind: The row of this standard for it.
+            ledger: Where to record them.
+        """
+        for tag in element.iter("tag"):
+            key, value = tag.get("k", ""), tag.get("v", "")
+            known = _find_tag(self.elements[kind], key, value)
+            if known is None:
+                _leave_out_unknown("tag", _shorten(key), tag, ledger)
+            else:
+                _leaves_out(known, value, tag, ledger)
+
     def find_row(self, tags: tuple[str, ...]) -> Mapping[str, str] | None:
         """Find the row of an element by its tag and those around it, the outermost first."""
         names = ("/".join(tags[start:]) for start in range(len(tags)))
@@ -109,6 +126,15 @@ def list_dispositions(standard: Standard) -> Iterator[tuple[str, str, str]]:
 def is_disposition(text: str) -> bool:
     """Return whether a text is one of the dispositions above."""
     return text in ("read", "none") or bool(LEFT_OUT.fullmatch(text) or REFUSED.fullmatch(text))
+
+
+def _find_tag(row: Mapping[str, str], key: str, value: str) -> str | None:
+    """Find the disposition of a tag: of key and value, of the key, or of its longest pattern."""
+    known = row.get(f"{key}={value}") or row.get(key)
+    if known is not None:
+        return known
+    patterns = [name for name in row if "*" in name and fnmatchcase(key, name)]
+    return row[max(patterns, key=len)] if patterns else None
 
 
 def _leaves_out(disposition: str, value: str, at: Element | int, ledger: Ledger) -> bool:

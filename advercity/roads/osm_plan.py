@@ -18,6 +18,7 @@ from advercity.roads.osm_levels import set_heights
 from advercity.roads.osm_map import OsmMap, add_sidewalks, mark_paths, read_tags
 from advercity.roads.osm_mirror import mirror_tags
 from advercity.roads.osm_roundabouts import round_roundabouts
+from advercity.roads.osm_tags import audit_extract, audit_widths
 
 
 def plan_extract(
@@ -46,10 +47,12 @@ def plan_extract(
     osm = OsmMap.around(road, root, is_mirrored=side == "left")
     plan = osm.build_plan()
     streets = find_streets(plan)
+    audit_extract(root, streets, ledger)
     mark_paths(plan, streets)
     set_heights(plan, streets, ledger)
     if road.land_use == "urban":
         add_sidewalks(osm)
+    audit_widths(root, streets, ledger)
     return MapPlan(plan, side, tuple(osm.list_points("highway", "crossing")))
 
 

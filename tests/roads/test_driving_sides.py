@@ -33,7 +33,7 @@ def import_street(
     for number, found in enumerate((tags, other or tags)):
         lines = "".join(f'<tag k="{key}" v="{value}"/>' for key, value in found.items())
         ways += f'<way id="1{number}"><nd ref="{number}"/><nd ref="{number + 1}"/>'
-        ways += f'<tag k="highway" v="tertiary"/>{lines}</way>\n'
+        ways += f'<tag k="highway" v="tertiary"/><tag k="maxspeed" v="50"/>{lines}</way>\n'
     (folder / "town.osm").write_text(f"<osm>\n{nodes}{ways}</osm>", encoding="utf-8")
     origin = {"origin_lat_deg": place[0], "origin_lon_deg": place[1]}
     road = Road.model_validate(declaration("osm", "town.osm", **origin))

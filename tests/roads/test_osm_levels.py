@@ -26,7 +26,7 @@ def import_ways(folder: Path, *ways: Way) -> MapNetwork:
     text = ""
     for index, (name, places, tags) in enumerate(ways):
         nodes = [numbers.setdefault(place, len(numbers) + 1) for place in places]
-        found = {"highway": "tertiary", "name": name, **tags}
+        found = {"highway": "tertiary", "maxspeed": "50", "name": name, **tags}
         text += f'<way id="{index + 1000}">' + "".join(f'<nd ref="{node}"/>' for node in nodes)
         text += (
             "".join(f'<tag k="{key}" v="{value}"/>' for key, value in found.items()) + "</way>\n"
