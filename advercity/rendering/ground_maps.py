@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
+from advercity.physics.atmosphere import Atmosphere
 from advercity.randomness import create_generator
+from advercity.rendering.cover import MAX_HEIGHT_M, select_decks
 from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import Semantic
@@ -62,7 +64,9 @@ class GroundMap:
         return (*self.corner, 1.0 / self.size[0], 1.0 / self.size[1])
 
 
-NO_SHELTER = GroundMap(np.array([[[NO_SURFACE_M, 0.0]]], np.float32))
+SNOW_CHANNELS = 2
+"""Channels of the map of shelter that are of snow; the others are of rain."""
+NO_SHELTER = GroundMap(np.array([[[NO_SURFACE_M, 0.0, NO_SURFACE_M, 0.0]]], np.float32))
 
 
 def build_wear_map(lanes: Sequence[LaneSegment]) -> GroundMap:
@@ -94,10 +98,16 @@ def build_wear_map(lanes: Sequence[LaneSegment]) -> GroundMap:
     return _place_map(texels.reshape(height, width, 2), low, texel)
 
 
+def needs_shelter_map(world: World, atmosphere: Atmosphere) -> bool:
+    """Return whether snow lies, or a deck keeps rain off."""
+    return atmosphere.snow_depth_m > 0.0 or bool(select_decks(world.static))
+
+
 def build_shelter_map(world: World) -> GroundMap:
     """Map the uppermost surface of a world by casting rays straight down.
 
-    Texels (h, w, 2) are float32: its height in metres, and the fraction of snow that it keeps off.
+    Texels (h, w, 4) are float32: its height in metres, the fraction of snow that it keeps off, the
+    height below which a deck keeps off rain as well, and 0.
     """
     corners = [(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)) for mesh in world.static]
     if not corners:
@@ -116,8 +126,23 @@ def build_shelter_map(world: World) -> GroundMap:
     hits = Raycaster(world).cast(Rays(origins, down), start - float(low[2]) + 1.0)
     top = np.where(np.isfinite(hits.range_m), start - hits.range_m, NO_SURFACE_M)
     sheltered = np.where(hits.semantic == Semantic.VEGETATION, FOLIAGE_SHELTER_FRACTION, 1.0)
-    texels = np.stack([top, sheltered], axis=-1).reshape(height, width, 2).astype(np.float32)
+    covered = _find_undersides(world, origins)
+    columns = [top, sheltered, covered, np.zeros_like(top)]
+    texels = np.stack(columns, axis=-1).reshape(height, width, 4).astype(np.float32)
     return _place_map(texels, low, texel)
+
+
+def _find_undersides(world: World, places: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Find the heights (n,) of the lowest deck over places (n, 3)."""
+    decks = select_decks(world.static)
+    if not decks:
+        return np.full(len(places), NO_SURFACE_M, np.float32)
+    low = min(float(mesh.vertices[:, 2].min()) for mesh in decks) - 1.0
+    origins = np.column_stack([places[:, :2], np.full(len(places), low)]).astype(np.float32)
+    up = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(places), 1))
+    only = World(world.id, tuple(decks), {}, (), world.network)
+    reach_m = Raycaster(only).cast(Rays(origins, up), MAX_HEIGHT_M).range_m
+    return np.where(np.isfinite(reach_m), low + reach_m, NO_SURFACE_M).astype(np.float32)
 
 
 def _place_map(texels: NDArray[Any], low: Float64Array, texel_m: float) -> GroundMap:

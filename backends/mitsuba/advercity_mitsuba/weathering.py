@@ -11,6 +11,7 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.rendering.ground_maps import (
     NEUTRAL_WEAR,
     NO_SHELTER,
+    SNOW_CHANNELS,
     WEAR_STEPS,
     WEAR_TONE,
     GroundMap,
@@ -78,14 +79,15 @@ class GroundMaps:
         self.puddles = mi.Texture2f(
             mi.TensorXf(field[..., None]), wrap_mode=dr.WrapMode.Repeat, use_accel=False
         )
-        self._shelter = _upload(NO_SHELTER, NO_SHELTER.texels)
+        self._shelter = _upload(NO_SHELTER, NO_SHELTER.texels[..., :SNOW_CHANNELS])
         self._has_shelter = False
 
     def get_shelter(self, *, has_snow: bool) -> tuple[Any, Any]:
         """Get the map of shelter from snow, and its extent."""
         if has_snow and not self._has_shelter:
             found = build_shelter_map(self._world)
-            self._shelter, self._has_shelter = _upload(found, found.texels), True
+            snow = _upload(found, found.texels[..., :SNOW_CHANNELS])
+            self._shelter, self._has_shelter = snow, True
         return self._shelter
 
 

@@ -14,7 +14,12 @@ from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture, CameraView, RenderProfile
 from advercity.rendering.denoising import denoise
 from advercity.rendering.fog_beams import compute_fog_beams
-from advercity.rendering.ground_maps import NO_SHELTER, build_shelter_map, build_wear_map
+from advercity.rendering.ground_maps import (
+    NO_SHELTER,
+    build_shelter_map,
+    build_wear_map,
+    needs_shelter_map,
+)
 from advercity.rendering.light_sources import list_light_sources
 from advercity.world import World
 from advercity_sapien.atmosphere_parameters import (
@@ -71,7 +76,8 @@ class SapienRenderer:
         self._atmosphere = atmosphere
         self._scene = sapien.Scene([sapien.render.RenderSystem(self._device)])
         wear = build_wear_map(world.lanes)
-        shelter = build_shelter_map(world) if atmosphere.snow_depth_m else NO_SHELTER
+        has_shelter = needs_shelter_map(world, atmosphere)
+        shelter = build_shelter_map(world) if has_shelter else NO_SHELTER
         self._probes = self._bake_probes(atmosphere)
         self._contact = ContactMap(world, self._probes)
         has_shadows = atmosphere.night and not self._is_ray_traced

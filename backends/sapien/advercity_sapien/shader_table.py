@@ -129,7 +129,7 @@ SCENE_TEXTURES = (
     SceneTexture("Airlight", "R32G32B32A32Sfloat", "edge", "transmission"),
     SceneTexture("Wear", "R8G8Unorm", "edge", "roughness"),
     SceneTexture("Puddles", "R32Sfloat", "repeat", "metallic"),
-    SceneTexture("Shelter", "R32G32Sfloat", "edge", "normal"),
+    SceneTexture("Shelter", "R32G32B32A32Sfloat", "edge", "normal"),
     SceneTexture("ProbeLight", "R32G32B32A32Sfloat", "edge", None),
     SceneTexture("ProbeFirst", "R32G32B32A32Sfloat", "edge", None),
     SceneTexture("ProbeSecond", "R32G32B32A32Sfloat", "edge", None),

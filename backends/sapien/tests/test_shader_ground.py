@@ -117,6 +117,30 @@ def test_puddles_lie_where_the_lidar_finds_them(kind: Kind) -> None:
 
 
 @both
+def test_the_road_under_a_deck_is_dry(kind: Kind) -> None:
+    # From 8 to 32 m ahead, and wider than what is seen.
+    deck = replace(box((20.0, 0.0, 6.0), (24.0, 200.0, 1.0), GREY), semantic=Semantic.BRIDGE)
+    dry, wet = (
+        luminance(
+            shot(
+                kind,
+                world_of(box(*ROAD), deck),
+                build_clear_air(1000.0, wetness=wetness, puddle_coverage=wetness / 2),
+                samples=16,
+            )
+        )
+        for wetness in (0.0, 1.0)
+    )
+    # The road in row r is 1.5 m x 48 / (r - 36) away; before the deck it is darker, or mirrors.
+    under, before = (
+        np.abs(wet - dry)[rows, 20:76].mean() / dry[rows, 20:76].mean()
+        for rows in (slice(39, 42), slice(50, 72))
+    )
+    assert under < 0.1
+    assert before > 0.2
+
+
+@both
 @pytest.mark.parametrize("row", [27, 30, 36])
 def test_standing_water_has_fresnel_reflectance(
     kind: Kind, row: int, monkeypatch: pytest.MonkeyPatch

@@ -75,6 +75,18 @@ float snowfallFraction(vec3 p) {
   return sum / 5.0;
 }
 
+// Fraction of rain that arrives at a point, none under decks; samples let it in at their edges.
+float rainfallFraction(vec3 p) {
+  const float TOLERANCE = 0.05, OFFSET = 0.5;
+  vec4 map = shelterMapExtent();
+  float sum = 0.0;
+  for (int i = 0; i < 5; ++i) {
+    vec2 off = i == 0 ? vec2(0.0) : OFFSET * vec2(i % 2 == 0 ? 1.0 : -1.0, i > 2 ? 1.0 : -1.0);
+    sum += p.z < textureLod(samplerShelter, (p.xy + off - map.xy) * map.zw, 0.0).b + TOLERANCE ? 0.0 : 1.0;
+  }
+  return sum / 5.0;
+}
+
 // Noise of ragged patches, as far as the footprint lets it be seen, and the fraction of its contrast
 // that is. Octaves are turned against each other and bent, so that no lattice shows.
 float patchNoise(vec2 p, float footprint, out float fraction) {
@@ -137,11 +149,12 @@ Surface buildSurface(vec3 albedo, float roughness, float metallic, int kind, boo
   // Blades and leaves face all ways: under ice, a lawn of them shines, but mirrors nothing.
   const float FILMED = 0.15, STILL = 0.02, GLAZED = 0.1, GLAZED_BLADES = 0.3;
   float porous = smoothstep(0.45, 0.6, roughness) * (1.0 - metallic);
-  float puddle = wetness() > 0.0 ? standingWater(kind, p, normal, footprint) : 0.0;
+  float rained = wetness() > 0.0 || iceCover() > 0.0 ? rainfallFraction(p) : 1.0;
+  float puddle = wetness() > 0.0 ? rained * standingWater(kind, p, normal, footprint) : 0.0;
   float facing = mix(0.5, 1.0, max(normal.z, 0.0));
-  float wet = mix(wetness() * porous * facing, 1.0, puddle);
+  float wet = mix(rained * wetness() * porous * facing, 1.0, puddle);
   // Clear ice envelops all that freezing rain reaches, blades and leaves, too.
-  float ice = snowless ? 0.0 : iceCover() * facing;
+  float ice = snowless ? 0.0 : rained * iceCover() * facing;
   wet = max(wet, ice * porous);
   vec3 soaked = INDEX_MATCHED_RATIO * (1.0 - WATER_EXTERNAL_REFLECTANCE)
       * (1.0 - WATER_INTERNAL_REFLECTANCE) * albedo / (1.0 - albedo * WATER_INTERNAL_REFLECTANCE);
