@@ -8,6 +8,7 @@ from advercity.roads.georeference import parse_projection
 from advercity.roads.opendrive.lane_types import LANE_USES
 from advercity.roads.opendrive.parsing import LIGHT_TYPES, SKIPPED_JUNCTIONS
 
+MAX_EXCESS_M = 0.1
 POLYNOMIAL = ("a", "b", "c", "d")
 
 
@@ -16,6 +17,10 @@ def record_omissions(root: Element, ledger: Ledger) -> None:
     load_standard("opendrive").audit(root, ledger)
     for lane in root.iter("lane"):
         _record_lane(lane, ledger)
+    for item in root.iter("road"):
+        if _measure_excess(item) > MAX_EXCESS_M:
+            name = "part of a road beyond its geometry"
+            ledger.leave_out(name, plural="parts of roads beyond their geometry", at=item)
     for item in root.iter("junction"):
         if item.get("type") in SKIPPED_JUNCTIONS:
             kind = item.get("type")
@@ -36,6 +41,15 @@ def record_omissions(root: Element, ledger: Ledger) -> None:
     for item in root.iter("geoReference"):
         if (item.text or "").strip() and parse_projection(item.text or "") is None:
             ledger.leave_out("projection that is not transverse Mercator", at=item)
+
+
+def _measure_excess(road: Element) -> float:
+    """Measure by how much a road is longer than its geometries together; 0 if nothing says it."""
+    try:
+        pieces = [float(item.get("length", "0")) for item in road.iterfind("planView/geometry")]
+        return float(road.get("length", "0")) - sum(pieces) if pieces else 0.0
+    except ValueError:
+        return 0.0
 
 
 def _record_lane(lane: Element, ledger: Ledger) -> None:

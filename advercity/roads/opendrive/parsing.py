@@ -120,7 +120,8 @@ def _parse_road(item: Element, lights: Collection[str]) -> Road:
     return Road(
         id=_text(item, "id"),
         name=item.get("name", ""),
-        length_m=length_m,
+        # Beyond its geometry a road is nowhere.
+        length_m=min(length_m, geometries[-1].begins_m + geometries[-1].length_m),
         junction=item.get("junction", "-1"),
         is_left_handed=rule == "LHT",
         predecessor=_parse_link(item.find("link/predecessor")),

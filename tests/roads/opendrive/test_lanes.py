@@ -198,3 +198,14 @@ def test_a_direct_junction_splits_a_carriageway(tmp_path: Path) -> None:
         ("road_1+_1", "road_2+_0", "M"),
         ("road_1+_2", "road_2+_1", "M"),
     ]
+
+
+def test_a_road_ends_where_its_geometry_ends(tmp_path: Path) -> None:
+    street = road("1", 50.0, section(0.0, lane(-1, "driving", 3.5)))
+    longer = street.replace('length="50.0" junction', 'length="2000.0" junction')
+
+    network = import_text(tmp_path, longer)
+
+    (found,) = read_lanes(network)
+    assert found.shape[-1, 0] == pytest.approx(50.0, abs=0.01)
+    assert [item.name for item in network.left_out] == ["part of a road beyond its geometry"]
