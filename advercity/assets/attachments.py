@@ -132,13 +132,14 @@ def _build_hood(pivot: Float64Array, radii: tuple[float, float]) -> TriangleSurf
 
     Radii are those along and across the pram.
     """
-    turn = np.radians(np.linspace(0.0, 112.0, 8))[:, None]
-    across = np.pi * np.arange(11) / 10
-    arcs = [(scale, across[::step]) for scale, step in ((1.0, 1), (0.93, -1))]
-    x = np.concatenate([scale * radii[0] * np.sin(at) for scale, at in arcs])
-    y = np.concatenate([scale * radii[1] * np.cos(at) for scale, at in arcs])
-    rings = np.stack([np.cos(turn) * x, np.broadcast_to(y, (len(turn), len(y))), np.sin(turn) * x])
-    return loft_rings(pivot + np.moveaxis(rings, 0, -1))
+    turn, across = np.radians(np.linspace(0.0, 112.0, 8)), np.pi * np.arange(11)[:, None] / 10
+    ahead = radii[0] * np.sin(across)
+    outside = np.stack(
+        np.broadcast_arrays(np.cos(turn) * ahead, radii[1] * np.cos(across), np.sin(turn) * ahead),
+        axis=-1,
+    )
+    # Cross-sections shrink to a line at both pivots: no cap spans the opening.
+    return loft_rings(pivot + np.concatenate([outside, 0.93 * outside[:, ::-1]], axis=1))
 
 
 def _build_disc_wheel(hub: Float64Array) -> Iterator[Piece]:
