@@ -219,19 +219,37 @@ def openscenario(
     file: Annotated[Path, typer.Argument(help="OpenSCENARIO XML 1.x (*.xosc).")],
     output: OutputOption,
     map_: MapOption = None,
+    root: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder in which its catalogues must be (default: the one above the file's)."
+        ),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="NAME=VALUE", help="Parameter of the scenario; may be given again."
+        ),
+    ] = None,
 ) -> None:
     """Make scenarios of an OpenSCENARIO file.
 
-    Its actors must follow trajectories by time: maneuvers with controllers, and triggers other than
-    times, are refused by name and line. The map is the OpenDRIVE file that it names, unless --map
-    gives another one.
+    It is played: actors follow lanes, routes and trajectories, change speed and lane, and events
+    begin when their conditions hold. What cannot be played is refused by name and line. The map is
+    the OpenDRIVE file that it names, unless --map gives another one.
     """
     from advercity.compiler.recorded_roads import load_recorded_scenario, write_recorded_road
 
-    recording = load_recorded_scenario(file)
-    for remark in recording.remarks:
-        print_remark(remark)
+    parameters = dict(_split_parameter(text) for text in set_ or ())
+    recording = load_recorded_scenario(file, map_, root=root, parameters=parameters)
     _report(write_recorded_road(recording, map_, choice, output), output)
+
+
+def _split_parameter(text: str) -> tuple[str, str]:
+    name, separator, value = text.partition("=")
+    if not (name and separator):
+        raise InputError(f"`set` {text[:40]}: write NAME=VALUE")
+    return name, value
 
 
 def _report(specs: "list[Spec]", output: Path) -> None:

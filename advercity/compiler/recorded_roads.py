@@ -4,7 +4,7 @@ import hashlib
 import math
 import re
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -29,7 +29,7 @@ from advercity.foreign.ledger import Ledger
 from advercity.geometry.mirroring import mirror_points
 from advercity.output_files import open_output_folder
 from advercity.recordings.bodies import select_blueprint
-from advercity.recordings.openscenario import read_scenario
+from advercity.recordings.openscenario.scenario import read_scenario
 from advercity.recordings.recorded_tables import read_recording
 from advercity.recordings.track_file import MARGIN_S, format_tracks
 from advercity.recordings.tracks import Track, cut_tracks, find_connected
@@ -61,14 +61,12 @@ class Recording:
         path: The file.
         tracks: Its tracks.
         map_file: Its map; None if it names none.
-        remarks: What of it is left out.
         left_out: Parts of the file that are not taken over.
     """
 
     path: Path
     tracks: Sequence[Track]
     map_file: Path | None = None
-    remarks: Sequence[str] = ()
     left_out: Sequence[LeftOut] = ()
 
 
@@ -97,11 +95,24 @@ def load_recorded_table(path: Path) -> Recording:
     return Recording(path, read_recording(path, ledger), left_out=ledger.left_out)
 
 
-def load_recorded_scenario(path: Path) -> Recording:
-    """Load an OpenSCENARIO file; InputError if it cannot be used."""
-    found = read_scenario(path)
+def load_recorded_scenario(
+    path: Path,
+    map_file: Path | None = None,
+    *,
+    root: Path | None = None,
+    parameters: Mapping[str, str] | None = None,
+) -> Recording:
+    """Load an OpenSCENARIO file; InputError if it cannot be used.
+
+    Args:
+        path: The file.
+        map_file: Map that replaces the one that it names.
+        root: Folder in which its catalogues must be.
+        parameters: Values that replace those that it declares.
+    """
+    found = read_scenario(path, map_file=map_file, root=root, parameters=parameters)
     named = path.parent / found.map_file if found.map_file else None
-    return Recording(path, found.tracks, named, found.remarks)
+    return Recording(path, found.tracks, named, found.left_out)
 
 
 def write_recorded_road(

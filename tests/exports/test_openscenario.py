@@ -21,7 +21,7 @@ from advercity.exports.exporting import export_dataset
 from advercity.exports.openscenario import format_scenario, load_dataset_traffic
 from advercity.exports.site_opendrive import format_site
 from advercity.pipeline.preparation import load_or_simulate_traffic
-from advercity.recordings.openscenario import read_scenario
+from advercity.recordings.openscenario.scenario import read_scenario
 from advercity.roads.map_import import import_map
 from advercity.roads.network_file import parse_packed_network, read_network
 from advercity.roads.sumo_network import write_sumo_network

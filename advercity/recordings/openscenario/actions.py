@@ -1,0 +1,232 @@
+"""Actions of OpenSCENARIO: what an element says becomes a function that begins it."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from advercity.recordings.openscenario.catalogues import Catalogues, resolve_element
+from advercity.recordings.openscenario.document import Scope
+from advercity.recordings.openscenario.lateral import (
+    parse_lane_change,
+    parse_lane_offset,
+)
+from advercity.recordings.openscenario.positions import (
+    parse_entity,
+    parse_position,
+)
+from advercity.recordings.openscenario.speeds import parse_speed, parse_speed_profile
+from advercity.recordings.openscenario.stage import Mover, Process, Stage
+from advercity.recordings.openscenario.trajectories import Follow, parse_follow
+
+Start = Callable[[Any, Stage], Process | None]
+"""Begins an action of an entity; None if it has ended at once."""
+
+
+@dataclass(frozen=True)
+class Action:
+    """An action, begun for every actor of its event, or once if it concerns none of them."""
+
+    name: str
+    start: Start
+    is_private: bool = True
+    last_s: float = 0.0
+
+
+def parse_action(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+    """Parse a `PrivateAction`, `GlobalAction` or `UserDefinedAction`.
+
+    Returns:
+        None if it has no effect, which is recorded, or is refused.
+    """
+    kind = element
+    # Some actions are wrapped in up to three elements; the innermost one that is known counts.
+    while kind.tag not in ACTIONS and len(kind):
+        kind = kind[0]
+    if kind.tag not in ACTIONS:
+        first = next(iter(element), element)
+        inner = next((item for item in first if item.tag.endswith("Action")), first)
+        scope.refuse(inner, "such an action is not read", "record the motion as a trajectory")
+        return None
+    return ACTIONS[kind.tag](scope, kind, catalogues)
+
+
+def _parse_teleport(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+    find = parse_position(scope, element)
+    if find is None:
+        return None
+
+    def start(mover: Mover, stage: Stage) -> None:
+        pose = find(stage)
+        heading = 0.0 if math.isnan(pose.heading) else pose.heading
+        mover.pose = pose._replace(heading=heading)
+        mover.is_at_end = False
+
+    return Action(element.tag, start)
+
+
+def _parse_follow(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+    follow = parse_follow(scope, element, catalogues)
+    if follow is None:
+        return None
+    last_s = follow.find_end_s()
+    if math.isnan(last_s):
+        last_s = 0.0
+    return Action(
+        element.tag, lambda mover, stage: _start_follow(follow, mover, stage), last_s=last_s
+    )
+
+
+def _start_follow(follow: Follow, mover: Mover, stage: Stage) -> Process:
+    follower = follow.start(mover, stage)
+    is_timed = follow.timing is not None
+    mover.assign(follower, "path", "lateral", *(("speed",) if is_timed else ()))
+    return follower
+
+
+def _parse_speed(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+    process = parse_speed(scope, element)
+    return None if process is None else Action(element.tag, process)
+
+
+def _parse_speed_profile(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+    process = parse_speed_profile(scope, element)
+    return None if process is None else Action(element.tag, process)
+
+
+def _parse_lane_change(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+    process = parse_lane_change(scope, element)
+    return None if process is None else Action(element.tag, process)
+
+
+def _parse_lane_offset(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+    process = parse_lane_offset(scope, element)
+    return None if process is None else Action(element.tag, process)
+
+
+def _parse_route(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+    found = resolve_element(scope, element, "Route", catalogues)
+    if found is None:
+        return None
+    inner, route = found
+    places = [
+        find
+        for waypoint in route.iterfind("Waypoint")
+        if (find := parse_position(inner, waypoint)) is not None
+    ]
+
+    def start(mover: Mover, stage: Stage) -> None:
+        roads = stage.open_map()
+        own = stage.find_lane(mover.pose) if mover.pose is not None else None
+        if roads is None or own is None:
+            stage.fail(scope, element, f"'{mover.entity.name}' is on no lane")
+        path: list[str] = [own.road]
+        for find in places:
+            goal = stage.find_lane(find(stage))
+            if goal is None:
+                stage.fail(scope, element, "a waypoint is on no lane")
+            if goal.road in path:
+                own = goal
+                continue
+            further = roads.find_path(own, goal)
+            if further is None:
+                stage.fail(scope, element, f"no roads lead to the waypoint on road '{goal.road}'")
+            path += further
+            own = goal
+        mover.route = tuple(path)
+
+    return Action(element.tag, start)
+
+
+def _parse_entity(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+    name = parse_entity(scope, element)
+    added = element.find("AddEntityAction")
+    find = parse_position(scope, added) if added is not None else None
+
+    def start(mover: Mover | None, stage: Stage) -> None:
+        found = stage.movers.get(name)
+        if found is not None:
+            if find is None:
+                found.leave(stage)
+            else:
+                pose = find(stage)
+                heading = 0.0 if math.isnan(pose.heading) else pose.heading
+                found.pose = pose._replace(heading=heading)
+
+    return Action(element.tag, start, is_private=False)
+
+
+def _parse_value(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+    """Parse an action that sets or changes a parameter or variable."""
+    name = scope.get(element, "parameterRef" if "parameterRef" in element.attrib else "variableRef")
+    changed = next(iter(element), None)
+    if changed is None:
+        scope.refuse(element, "has no content")
+        return None
+    rule = next(changed.iterfind("Rule/*"), None)
+    given = scope.get(changed, "value", "") if rule is None else scope.get(rule, "value")
+
+    def start(mover: Mover | None, stage: Stage) -> None:
+        if rule is None:
+            stage.values[name] = given
+            return
+        try:
+            before, by = float(stage.values.get(name, "")), float(given)
+        except ValueError:
+            stage.fail(scope, element, f"'{name[:40]}' is no number")
+        stage.values[name] = str(before * by if rule.tag.startswith("Mult") else before + by)
+
+    return Action(element.tag, start, is_private=False)
+
+
+def _parse_activation(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+    """Refuse a controller that takes over; the default one keeps speed and lane."""
+    flags = ("longitudinal", "lateral", "activateLongitudinal", "activateLateral")
+    if any(scope.get_flag(element, name) for name in flags):
+        hint = "record the motion that it makes as a trajectory"
+        scope.refuse(element, "a controller drives the entity", hint)
+        return None
+    return _leave_out(scope, element, catalogues)
+
+
+def _leave_out(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+    """Parse an action that moves nobody: its event begins and ends with nothing."""
+    name, plural = LEFT_OUT[element.tag]
+    scope.findings.ledger.leave_out(name, plural=plural, at=element)
+    return Action(element.tag, lambda mover, stage: None, is_private=False)
+
+
+LEFT_OUT: Mapping[str, tuple[str, str]] = {
+    "OverrideControllerValueAction": ("action on pedals", "actions on pedals"),
+    "VisibilityAction": ("action on visibility", "actions on visibility"),
+    "AppearanceAction": ("action on lamps or animations", "actions on lamps or animations"),
+    "EnvironmentAction": ("action on the environment", "actions on the environment"),
+    "InfrastructureAction": ("action on traffic lights", "actions on traffic lights"),
+    "SetMonitorAction": ("action on monitors", "actions on monitors"),
+}
+"""Actions that move nobody: name in the singular and plural."""
+ACTIONS: Mapping[str, Callable[[Scope, Element, Catalogues], Action | None]] = {
+    "TeleportAction": _parse_teleport,
+    "FollowTrajectoryAction": _parse_follow,
+    "SpeedAction": _parse_speed,
+    "SpeedProfileAction": _parse_speed_profile,
+    "LaneChangeAction": _parse_lane_change,
+    "LaneOffsetAction": _parse_lane_offset,
+    "AssignRouteAction": _parse_route,
+    "EntityAction": _parse_entity,
+    "ParameterAction": _parse_value,
+    "VariableAction": _parse_value,
+    "ActivateControllerAction": _parse_activation,
+    "AssignControllerAction": _parse_activation,
+    **dict.fromkeys(LEFT_OUT, _leave_out),
+}
+"""Parsers by element; what is not here is refused."""
+
+
+def parse_actions(
+    scope: Scope, elements: Sequence[Element], catalogues: Catalogues
+) -> tuple[Action, ...]:
+    """Parse several actions."""
+    found = (parse_action(scope, element, catalogues) for element in elements)
+    return tuple(item for item in found if item is not None)

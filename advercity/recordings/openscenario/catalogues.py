@@ -1,0 +1,87 @@
+"""Entries of catalogues, which are files in folders that a scenario names."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from advercity.errors import InputError
+from advercity.recordings.openscenario.document import Findings, Scope, Source, open_source
+
+MAX_CATALOGUE_FILES = 200
+"""Files of all catalogues together."""
+
+
+class Catalogues:
+    """The catalogues of a scenario, opened when something is looked up.
+
+    Args:
+        scope: The scenario's.
+        root: Folder in which all catalogues must be.
+    """
+
+    def __init__(self, scope: Scope, root: Path) -> None:
+        self._scope = scope
+        self._root = root.resolve()
+        self._catalogues: dict[str, tuple[Source, Element]] | None = None
+
+    def find(self, scope: Scope, reference: Element) -> tuple[Scope, Element] | None:
+        """Find the entry of a reference, with the parameters that it assigns.
+
+        Returns:
+            The scope in the entry, and the entry; None, and a problem, if there is none.
+        """
+        if self._catalogues is None:
+            self._catalogues = self._open()
+        name, entry = scope.get(reference, "catalogName"), scope.get(reference, "entryName")
+        found = self._catalogues.get(name)
+        if found is None:
+            known = ", ".join(self._catalogues) or "none"
+            scope.refuse(reference, f"there is no catalogue '{name[:40]}'", f"there are: {known}")
+            return None
+        source, catalogue = found
+        element = next((item for item in catalogue if item.get("name") == entry), None)
+        if element is None:
+            scope.refuse(reference, f"{source.path.name} has no entry '{entry[:40]}'")
+            return None
+        assigned = {
+            item.get("parameterRef", ""): scope.get(item, "value", "")
+            for item in reference.iterfind("ParameterAssignments/ParameterAssignment")
+        }
+        return Scope(source, {}, scope.findings).nest(element, assigned), element
+
+    def _open(self) -> dict[str, tuple[Source, Element]]:
+        found: dict[str, tuple[Source, Element]] = {}
+        for count, path in enumerate(self._list_files()):
+            if count >= MAX_CATALOGUE_FILES:
+                raise InputError(f"{path}: there are over {MAX_CATALOGUE_FILES} catalogue files")
+            source = open_source(path)
+            catalogue = source.root.find("Catalog")
+            if catalogue is not None:
+                found.setdefault(catalogue.get("name", ""), (source, catalogue))
+        return found
+
+    def _list_files(self) -> Iterator[Path]:
+        for directory in self._scope.source.root.iterfind("CatalogLocations/*/Directory"):
+            folder = self._scope.source.path.parent / self._scope.get(directory, "path")
+            if not folder.resolve().is_relative_to(self._root):
+                message = f"{folder} is outside {self._root}"
+                hint = "name the folder that has scenario and catalogues with `root`"
+                self._scope.refuse(directory, message, hint)
+            elif folder.is_dir():
+                yield from sorted(folder.glob("*.xosc"))
+
+
+def resolve_element(
+    scope: Scope, parent: Element, tag: str, catalogues: Catalogues
+) -> tuple[Scope, Element] | None:
+    """Find an element in its parent, or in the catalogue that the parent refers to."""
+    inline = parent.find(tag)
+    if inline is not None:
+        return scope.nest(inline), inline
+    reference = parent.find("CatalogReference")
+    return catalogues.find(scope, reference) if reference is not None else None
+
+
+def start_scope(source: Source, findings: Findings, overrides: Mapping[str, str]) -> Scope:
+    """Return the scope of a whole file."""
+    return Scope(source, {}, findings).nest(source.root, overrides)

@@ -1,0 +1,84 @@
+"""Entities of a scenario: what they are, and how large."""
+
+from collections.abc import Iterator, Mapping
+from xml.etree.ElementTree import Element
+
+from advercity_dsl import ActorClass
+
+from advercity.recordings.openscenario.catalogues import Catalogues
+from advercity.recordings.openscenario.document import Scope
+from advercity.recordings.openscenario.stage import Entity
+from advercity.recordings.openscenario.tracks import format_id
+
+CATEGORIES: Mapping[str, ActorClass] = {
+    "car": "car",
+    "van": "van",
+    "truck": "truck",
+    "bus": "truck",
+    "trailer": "truck",
+    "semitrailer": "truck",
+    "motorbike": "motorcycle",
+    "bicycle": "bicycle",
+    "pedestrian": "pedestrian",
+    "wheelchair": "pedestrian",
+}
+"""Classes by `vehicleCategory` and `pedestrianCategory`."""
+ATTRIBUTES = {"Vehicle": "vehicleCategory", "Pedestrian": "pedestrianCategory"}
+
+
+def read_entities(scope: Scope, catalogues: Catalogues) -> Iterator[Entity]:
+    """Read the road users; problems are kept in the scope, others are left out."""
+    names: dict[str, str] = {}
+    for item in scope.source.root.iterfind("Entities/ScenarioObject"):
+        name = scope.get(item, "name")
+        scope.findings.entities.add(name)
+        found = _find_body(scope, item, catalogues)
+        if found is None:
+            continue
+        inner, body = found
+        if body.tag == "MiscObject":
+            name = "object that is no road user"
+            scope.findings.ledger.leave_out(name, plural="objects that are no road users", at=item)
+            continue
+        if body.tag not in ATTRIBUTES:
+            hint = "write the <Vehicle> or <Pedestrian> into the scenario"
+            scope.refuse(body, f"the body of '{name}' is not in this file", hint)
+            continue
+        category = inner.get(body, ATTRIBUTES[body.tag])
+        if category not in CATEGORIES:
+            hint = f"these are read: {', '.join(CATEGORIES)}"
+            inner.refuse(body, f"'{name}' is a {category}, for which there is no body", hint)
+            continue
+        track = format_id(name)
+        if track in names:
+            message = f"'{name}' and '{names[track]}' are both the track '{track}'"
+            scope.refuse(item, message, "rename one of them")
+            continue
+        names[track] = name
+        box = body.find("BoundingBox")
+        if box is None:
+            inner.refuse(body, f"'{name}' has no <BoundingBox>")
+            continue
+        yield _read_box(inner, name, CATEGORIES[category], box)
+
+
+def _find_body(scope: Scope, item: Element, catalogues: Catalogues) -> tuple[Scope, Element] | None:
+    body = next((child for child in item if child.tag != "ObjectController"), None)
+    if body is None:
+        return None
+    if body.tag == "CatalogReference":
+        return catalogues.find(scope, body)
+    return scope.nest(body), body
+
+
+def _read_box(scope: Scope, name: str, actor_class: ActorClass, box: Element) -> Entity:
+    centre, extent = box.find("Center"), box.find("Dimensions")
+    size, offset = (0.0, 0.0, 0.0), 0j
+    if extent is not None:
+        length, width, height = (
+            scope.get_number(extent, key) for key in ("length", "width", "height")
+        )
+        size = (length, width, height)
+    if centre is not None:
+        offset = complex(scope.get_number(centre, "x"), scope.get_number(centre, "y"))
+    return Entity(name, actor_class, size, offset)
