@@ -1,5 +1,6 @@
 """Cameras and LiDARs see one world: ranges of rays are the depths of pixels."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from advercity_dsl import Spec
 
+from advercity.frames import Signal
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import compute_atmosphere
@@ -44,7 +46,8 @@ def measure_agreement(world: World, spec: Spec, poses: list[Float64Array]) -> fl
     least and the greatest of the pixel and its eight neighbours counts, to within 5 cm.
     """
     caster, agreed, total = Raycaster(world), 0, 0
-    caster.place(make_frame())
+    frame = replace(make_frame(), signals={lamp.id: Signal.RED for lamp in world.signal_lamps})
+    caster.place(frame)
     rows, columns = np.mgrid[0:HEIGHT_PX, 0:WIDTH_PX] + 0.5
     left, up = (WIDTH_PX / 2 - columns) / FOCAL_PX, (HEIGHT_PX / 2 - rows) / FOCAL_PX
     directions = np.stack([np.ones_like(left), left, up], axis=-1).reshape(-1, 3)
@@ -52,7 +55,7 @@ def measure_agreement(world: World, spec: Spec, poses: list[Float64Array]) -> fl
     air = compute_atmosphere(spec.weather, spec.road.land_use)
     backend = require("advercity_sapien.backend").SapienBackend()
     with backend.open(world, air, RENDER_PROFILES["preview"]) as renderer:
-        renderer.place(make_frame())
+        renderer.place(frame)
         for pose in poses:
             fov_rad = 2 * np.arctan(WIDTH_PX / (2 * FOCAL_PX))
             view = CameraView(pose, WIDTH_PX, HEIGHT_PX, fov_rad)
