@@ -245,6 +245,29 @@ def openscenario(
     _report(write_recorded_road(recording, map_, choice, output), output)
 
 
+@imports.command()
+@_with_choice
+def sumo(
+    choice: "ReplayChoice",
+    file: Annotated[Path, typer.Argument(help="SUMO configuration (*.sumocfg).")],
+    output: OutputOption,
+) -> None:
+    """Make scenarios of a SUMO simulation.
+
+    SUMO runs it once, and its vehicles, people and lights are recorded: from --from to --to, by
+    default the first 300 s. Files that it would write are not written, and what is not taken over
+    is listed. A simulation that another program drives is refused.
+    """
+    from tempfile import TemporaryDirectory
+
+    from advercity.compiler.recorded_roads import write_recorded_road
+    from advercity.traffic.sumo_scenarios import load_sumo_scenario
+
+    with TemporaryDirectory() as name:
+        recording = load_sumo_scenario(file, Path(name), from_s=choice.from_s, to_s=choice.to_s)
+        _report(write_recorded_road(recording, None, choice, output), output)
+
+
 def _split_parameter(text: str) -> tuple[str, str]:
     name, separator, value = text.partition("=")
     if not (name and separator):

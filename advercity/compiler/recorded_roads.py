@@ -5,7 +5,7 @@ import math
 import re
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -34,6 +34,7 @@ from advercity.recordings.recorded_tables import read_recording
 from advercity.recordings.track_file import MARGIN_S, format_tracks
 from advercity.recordings.tracks import Track, cut_tracks, find_connected
 from advercity.roads.network_file import parse_packed_network
+from advercity.roads.recorded_programs import RecordedPrograms, replace_programs
 
 MAX_DURATION_S = 180.0
 """What is taken of a recording if its end is not given."""
@@ -62,12 +63,14 @@ class Recording:
         tracks: Its tracks.
         map_file: Its map; None if it names none.
         left_out: Parts of the file that are not taken over.
+        programs: What lights of a SUMO network showed; others run the programs of the map.
     """
 
     path: Path
     tracks: Sequence[Track]
     map_file: Path | None = None
     left_out: Sequence[LeftOut] = ()
+    programs: RecordedPrograms = field(default_factory=dict[str, Sequence[tuple[float, str]]])
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,8 @@ def write_recorded_road(
     with report_write_errors(), open_output_folder(output) as folder:
         site_name = f"map{_find_map_suffix(site)}"
         shutil.copyfile(site, folder / site_name)
+        if recording.programs:
+            replace_programs(folder / site_name, recording.programs, from_s)
         (folder / TABLE_FILE).write_bytes(table)
         road = _build_road(name, choice, connected, site_name)
         road["trajectories"] = {
@@ -169,14 +174,15 @@ def write_recorded_road(
         try:
             specs = compile_library(find_shipped_library(), folder, suite=name)
         except DiagnosticsError as error:
-            lines = (_describe_problem(item, site, site_name) for item in error.diagnostics)
+            named = str(site) if map_file else f"{recording.path}: {site.name}"
+            lines = (_describe_problem(item, named, site_name) for item in error.diagnostics)
             raise InputError(*lines) from None
         _check_places(specs[0], cut_tracks(kept, from_s, to_s))
         check_spec_files(specs, output / SPECS_FOLDER)  # before anything is written
     return specs
 
 
-def _describe_problem(found: Diagnostic, site: Path, site_name: str) -> str:
+def _describe_problem(found: Diagnostic, site: str, site_name: str) -> str:
     """Describe a problem of the library without its place, since its files are gone by then.
 
     What depends on the user is the map, which has another name there.
@@ -268,6 +274,10 @@ def _find_ego(tracks: Sequence[Track], choice: ReplayChoice) -> Track:
         named = [track for track in vehicles if track.id.lower() in EGO_NAMES]
         if len(named) == 1:
             return named[0]
+        if not vehicles:
+            raise InputError(
+                f"nobody in it can be the ego, which is a {' or '.join(CONNECTED_CLASSES)}"
+            )
         longest = sorted(vehicles, key=lambda track: track.times_s[0] - track.times_s[-1])
         listed = ", ".join(
             f"{track.id} ({track.actor_class}, {track.times_s[0]:.1f} to {track.times_s[-1]:.1f} s)"

@@ -64,7 +64,7 @@ class Standard:
         row = self.elements[layout]
         for column in columns:
             if column in row:
-                _leaves_out(row[column], "", 1, ledger)
+                apply_disposition(row[column], "", 1, ledger)
             else:
                 name = _shorten(column)
                 ledger.leave_out(f"column {name}", plural=f"columns {name}", at=1)
@@ -83,7 +83,7 @@ class Standard:
             if known is None:
                 _leave_out_unknown("tag", _shorten(key), tag, ledger)
             else:
-                _leaves_out(known, value, tag, ledger)
+                apply_disposition(known, value, tag, ledger)
 
     def find_row(self, tags: tuple[str, ...]) -> Mapping[str, str] | None:
         """Find the row of an element by its tag and those around it, the outermost first."""
@@ -95,7 +95,7 @@ class Standard:
         if row is None:
             _leave_out_unknown("element", f"<{_shorten(element.tag)}>", element, ledger)
             return
-        if _leaves_out(row.get(ELEMENT, "read"), element.text or "", element, ledger):
+        if apply_disposition(row.get(ELEMENT, "read"), element.text or "", element, ledger):
             return
         for attribute, value in element.attrib.items():
             known = row.get(attribute)
@@ -103,7 +103,7 @@ class Standard:
                 name = f"{_shorten(element.tag)}@{_shorten(attribute)}"
                 _leave_out_unknown("attribute", name, element, ledger)
             else:
-                _leaves_out(known, value, element, ledger)
+                apply_disposition(known, value, element, ledger)
         for child in element:
             self._audit_element(child, (*tags, child.tag), ledger)
 
@@ -137,7 +137,12 @@ def _find_tag(row: Mapping[str, str], key: str, value: str) -> str | None:
     return row[max(patterns, key=len)] if patterns else None
 
 
-def _leaves_out(disposition: str, value: str, at: Element | int, ledger: Ledger) -> bool:
+def apply_disposition(disposition: str, value: str, at: Element | int, ledger: Ledger) -> bool:
+    """Record a part of a file if it is left out, and return whether it is.
+
+    Raises:
+        InputError: The part is refused.
+    """
     refused = REFUSED.fullmatch(disposition)
     if refused and not isinstance(at, int):
         raise InputError(f"line {get_line(at)}: <{at.tag}>: {refused['reason']}")

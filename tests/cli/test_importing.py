@@ -16,6 +16,7 @@ from tests.recordings.recorded_files import (
     write_street,
 )
 from tests.roads.imported_roads import DATA
+from tests.traffic.sumo_scenario_files import write_sumo_scenario
 
 SHIPPED = find_shipped_library()
 
@@ -233,3 +234,25 @@ def test_suggestions_are_printed_or_written(advercity: Command, tmp_path: Path) 
     again = advercity("import", "osm", town, "--output", folder, "--name", "mine")
     assert again.code == 2
     assert "already exists" in again.err
+
+
+def test_a_simulation_of_somebody_else_becomes_a_dataset(
+    advercity: Command, tmp_path: Path
+) -> None:
+    path = write_sumo_scenario(tmp_path / "theirs")
+    out, data = tmp_path / "town", tmp_path / "data"
+
+    asked = advercity("import", "sumo", path, "--output", out)
+    ran = advercity(
+        *("import", "sumo", path, "--ego", "north_1", "--connected-count", "0", "--from", "2"),
+        *("--to", "5", "--looks", "shaped", "--output", out),
+    )
+
+    assert asked.code == 2
+    assert "choose the ego among 2 vehicles with --ego; recorded longest: line_7" in asked.err
+    assert ran.code == 0, ran.err
+    assert "cav1 is north_1" in ran.err
+    assert "left out: 1 option novelty (line 7)" in ran.err
+    options = ("--frames", "10:12", "--backend", "fake", "--profile", "preview", "--scale", "0.05")
+    assert advercity("run", *ran.out.split(), *options, "--output", data).code == 0
+    assert advercity("verify", data).code == 0
