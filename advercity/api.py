@@ -120,6 +120,7 @@ def run(
     allow_large: bool = False,
     allow_missing_models: bool = False,
     allow_edited: bool = False,
+    allow_missed: bool = False,
     executor: str = "local",
     ray_address: str | None = None,
     listener: "RunListener | None" = None,
@@ -146,6 +147,7 @@ def run(
         allow_missing_models: Generate bodies in place of models that are not installed, and record
             it in the manifest.
         allow_edited: Run specs that were edited after they were compiled, and record it.
+        allow_missed: Make scenarios whose conflicts do not happen as declared, and record it.
         executor: `local`, or `ray` for a cluster.
         ray_address: Address of the Ray cluster; None starts one on this machine.
         listener: Gets progress and results, from the calling thread.
@@ -171,6 +173,7 @@ def run(
         format=format,
         allow_missing_models=allow_missing_models,
         allow_edited=allow_edited,
+        allow_missed=allow_missed,
         min_points=min_points,
         clouds=clouds,
     )

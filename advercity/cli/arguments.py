@@ -43,6 +43,13 @@ JobsOption = Annotated[
         help="Processes at a time (default: as many as suit the machine).",
     ),
 ]
+AllowMissedOption = Annotated[
+    bool,
+    typer.Option(
+        "--allow-missed",
+        help="Go on where a staged conflict does not happen as declared, and record it.",
+    ),
+]
 AllowMissingModelsOption = Annotated[
     bool,
     typer.Option(

@@ -69,7 +69,15 @@ def print_left_out(specs: "Iterable[Spec]") -> None:
 
 
 OPTION_PARAMETERS = (
-    *("allow_edited", "allow_large", "allow_missing_models", "backend", "cloud_colour", "connect"),
+    *(
+        "allow_edited",
+        "allow_large",
+        "allow_missed",
+        "allow_missing_models",
+        "backend",
+        "cloud_colour",
+        "connect",
+    ),
     *(
         "executor",
         "format",

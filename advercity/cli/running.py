@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from advercity.cli.arguments import (
+    AllowMissedOption,
     AllowMissingModelsOption,
     AutoBackendOption,
     BackendOption,
@@ -79,6 +80,7 @@ def run(
     allow_edited: Annotated[
         bool, typer.Option("--allow-edited", help="Run specs that were edited after compiling.")
     ] = False,
+    allow_missed: AllowMissedOption = False,
     executor: Annotated[str, typer.Option(help="local, or ray for a cluster.")] = "local",
     ray_address: Annotated[
         str | None,
@@ -150,6 +152,7 @@ def run(
                 allow_large=allow_large,
                 allow_missing_models=allow_missing_models,
                 allow_edited=allow_edited,
+                allow_missed=allow_missed,
                 executor=executor,
                 ray_address=ray_address,
                 listener=view,
@@ -244,6 +247,7 @@ def simulate(
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Only print the table as Markdown; write nothing.")
     ] = False,
+    allow_missed: AllowMissedOption = False,
 ) -> None:
     """Simulate traffic alone; report whether conflicts happened.
 
@@ -268,7 +272,11 @@ def simulate(
                 problems.append(str(error))
         if reports:
             print_data(tables.format_columns(build_table_rows(reports)))
-    problems += [f"{report.spec}: {problem}" for report in reports for problem in report.problems]
+    missed = [f"{report.spec}: {problem}" for report in reports for problem in report.problems]
+    if allow_missed and missed:
+        print_remark("\n".join(missed))
+    else:
+        problems += missed
     if problems:
         raise RunError(*problems)
 

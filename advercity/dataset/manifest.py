@@ -74,6 +74,7 @@ class Identity(Model):
         missing_models: Blueprints with generated bodies in place of the spec's models, and packs
             with generated surfaces in place of theirs.
         edited: Whether the spec was edited after it was compiled.
+        missed_conflicts: Staged conflicts that did not happen as declared, and why.
         format: Layout of the files.
         min_points: LiDAR points that an actor must return to an agent to be annotated by it.
         clouds: Encoding of point clouds.
@@ -90,6 +91,7 @@ class Identity(Model):
     bodies: dict[str, str] = Field(default_factory=dict[str, str])
     missing_models: tuple[str, ...] = Field(default=(), exclude_if=is_empty)
     edited: bool = Field(default=False, exclude_if=is_empty)
+    missed_conflicts: tuple[str, ...] = Field(default=(), exclude_if=is_empty)
     format: str
     min_points: int = 0
     clouds: CloudEncoding = "binary_compressed"
@@ -114,6 +116,7 @@ class Identity(Model):
         format: str = "opv2v",
         missing_models: tuple[str, ...] = (),
         edited: bool = False,
+        missed_conflicts: tuple[str, ...] = (),
         min_points: int = 0,
         clouds: CloudEncoding = "binary_compressed",
     ) -> "Identity":
@@ -134,6 +137,7 @@ class Identity(Model):
             bodies=models,
             missing_models=missing_models,
             edited=edited,
+            missed_conflicts=missed_conflicts,
             format=format,
             min_points=min_points,
             clouds=clouds,
@@ -169,6 +173,7 @@ class Identity(Model):
         fields = self.model_dump(exclude={"renderer", "versions", "bodies"})
         # Which models there are follows from the spec and from which of them are missing.
         fields["missing_models"] = ", ".join(self.missing_models)
+        fields["missed_conflicts"] = "; ".join(self.missed_conflicts)
         flat = fields | self.renderer | self.versions
         return {FIELD_LABELS.get(key, key): value for key, value in flat.items()}
 

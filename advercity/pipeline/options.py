@@ -64,6 +64,7 @@ class RunOptions:
         format: Dataset layout, `opv2v` or `adver_city`.
         allow_missing_models: Generate bodies in place of models that are not installed.
         allow_edited: Run specs that were edited after they were compiled.
+        allow_missed: Make scenarios whose conflicts do not happen as declared, and record it.
         min_points: LiDAR points that an actor must return to an agent to be annotated by it.
         clouds: Encoding of point clouds, `binary` or `binary_compressed`; the original's layout
             has text in any case.
@@ -79,6 +80,7 @@ class RunOptions:
     format: str = "opv2v"
     allow_missing_models: bool = False
     allow_edited: bool = False
+    allow_missed: bool = False
     min_points: int = 0
     clouds: CloudEncoding = "binary_compressed"
 

@@ -157,6 +157,7 @@ class PreparedScenario:
         format: Dataset layout.
         missing_models: What is generated in place of the spec's models and photographs.
         edited: Whether the spec was edited after it was compiled.
+        missed_conflicts: Staged conflicts that do not happen as declared, and why.
         min_points: Points that an actor must return to be annotated.
         clouds: Encoding of point clouds.
     """
@@ -169,6 +170,7 @@ class PreparedScenario:
     format: str = "opv2v"
     missing_models: tuple[str, ...] = ()
     edited: bool = False
+    missed_conflicts: tuple[str, ...] = ()
     min_points: int = 0
     clouds: CloudEncoding = "binary_compressed"
 
@@ -193,6 +195,7 @@ class PreparedScenario:
             format=self.format,
             missing_models=self.missing_models,
             edited=self.edited,
+            missed_conflicts=self.missed_conflicts,
             min_points=self.min_points,
             clouds=self.clouds,
         )
@@ -233,9 +236,13 @@ def prepare_scenario(
         check_models([spec], allow_missing=options.allow_missing_models)
     report(Progress(spec.id, "traffic"))
     traffic = load_or_simulate_traffic(spec)
-    problems = [item for found in evaluate_outcomes(spec, traffic.trace) for item in found.problems]
-    if problems:
-        raise RunError(f"{spec.id}: {'; '.join(problems)}; `advercity simulate` draws what happens")
+    outcomes = evaluate_outcomes(spec, traffic.trace)
+    missed = tuple(problem for outcome in outcomes for problem in outcome.problems)
+    if missed and not options.allow_missed:
+        raise RunError(
+            f"{spec.id}: {'; '.join(missed)}; `advercity simulate` draws what happens, and"
+            " `allow_missed` makes the data all the same"
+        )
     frame_count = len(traffic.trace)
     frames = range(frame_count)[options.frames]
     if not frames:
@@ -251,6 +258,7 @@ def prepare_scenario(
         frames,
         missing_models=missing_models,
         edited=is_edited(spec),
+        missed_conflicts=missed,
         format=options.format,
         min_points=options.min_points,
         clouds=options.clouds,

@@ -272,6 +272,7 @@ def _repair_scenario(
         format=manifest.identity.format,
         missing_models=manifest.identity.missing_models,
         edited=manifest.identity.edited,
+        missed_conflicts=manifest.identity.missed_conflicts,
         min_points=manifest.identity.min_points,
         clouds=manifest.identity.clouds,
     )

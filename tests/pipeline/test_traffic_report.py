@@ -1,6 +1,7 @@
 """`advercity simulate`: traffic without sensors, and what it amounts to."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -117,6 +118,11 @@ def test_a_run_refuses_a_scenario_whose_conflict_does_not_happen(
     with pytest.raises(RunError, match=f"{conflict.conflict}.*is not below 0.01 s"):
         preparation.prepare_scenario(unmet, options)
     assert preparation.prepare_scenario(spec, options).frame_count == len(traffic.trace)
+
+    allowed = preparation.prepare_scenario(unmet, replace(options, allow_missed=True))
+    (missed,) = allowed.identity.missed_conflicts
+    assert "is not below 0.01 s" in missed
+    assert not preparation.prepare_scenario(spec, options).identity.missed_conflicts
 
 
 def crossing(offset_s: float, *, below_s: float = 3.0) -> tuple[StagedConflict, OutcomeCriteria]:
