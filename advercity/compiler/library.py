@@ -15,6 +15,7 @@ from advercity_dsl import (
     Catalogue,
     Declaration,
     MapFile,
+    MapNetwork,
     Rig,
     Road,
     TrajectoryFile,
@@ -417,7 +418,9 @@ def _load_trajectories(road: Road, declared: TrajectoryFile, source: ResolvedDec
     value_path = ("trajectories", "file")
     folder = source.find_document(value_path).path.parent
     try:
-        recorded, tracks = load_trajectories(declared, folder)
+        imported = road.imported
+        origin_m = imported.offset_m if isinstance(imported, MapNetwork) else (0.0, 0.0)
+        recorded, tracks = load_trajectories(declared, folder, origin_m)
     except DiagnosticsError:
         raise
     except InputError as error:

@@ -26,7 +26,6 @@ from advercity.compiler.suites import CONNECTED_CLASSES
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.errors import InputError, report_write_errors
 from advercity.foreign.ledger import Ledger
-from advercity.geometry.mirroring import mirror_points
 from advercity.output_files import open_output_folder
 from advercity.recordings.bodies import select_blueprint
 from advercity.recordings.openscenario.scenario import read_scenario
@@ -418,8 +417,10 @@ def _check_places(spec: Spec, tracks: Iterable[Track]) -> None:
     imported = spec.road.imported
     if not isinstance(imported, MapNetwork):
         return
+    mirror = (1.0, -1.0) if spec.road.is_left_hand else (1.0, 1.0)
+    # In the map's own coordinates, as the tracks are.
     lanes = [
-        mirror_points(lane.centre[:, :2]) if spec.road.is_left_hand else lane.centre[:, :2]
+        lane.centre[:, :2] * mirror + imported.offset_m
         for lane in parse_packed_network(imported.network).lanes
         if lane.permits("passenger") and len(lane.centre) > 1
     ]

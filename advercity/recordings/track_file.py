@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from advercity_dsl import TrajectoryFile, TrajectorySet
+from advercity_dsl.units import Point2
 
 from advercity.documents import decode_text, read_bytes
 from advercity.errors import InputError, describe_cause
@@ -48,9 +49,14 @@ def format_tracks(tracks: Iterable[Track]) -> str:
 
 
 def load_trajectories(
-    declared: TrajectoryFile, folder: Path
+    declared: TrajectoryFile, folder: Path, origin_m: Point2 = (0.0, 0.0)
 ) -> tuple[TrajectorySet, dict[str, Track]]:
     """Load what a road takes from its table, whose path is relative to a folder.
+
+    Args:
+        declared: The table.
+        folder: Folder that its path is relative to.
+        origin_m: The table's coordinates, east and north, of the world's origin.
 
     Returns:
         What goes into the spec, and the tracks in it by id.
@@ -81,6 +87,9 @@ def load_trajectories(
             f"{declared.file}: nothing is in it from {declared.from_s:g} to {declared.to_s:g} s;"
             f" it has {begins:g} to {ends:g} s"
         )
+    if origin_m != (0.0, 0.0):
+        east_m, north_m = origin_m
+        kept = [track.transform(east_m=-east_m, north_m=-north_m, turn_rad=0.0) for track in kept]
     found = TrajectorySet(
         sha256=digest,
         from_s=declared.from_s,

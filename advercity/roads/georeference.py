@@ -8,6 +8,7 @@ import math
 import re
 from dataclasses import dataclass
 
+from advercity_dsl.road import MapPlace
 from advercity_dsl.units import Point2
 
 from advercity.geometry.geodesy import FLATTENING, SEMI_MAJOR_M
@@ -24,6 +25,7 @@ RECTIFYING_RADIUS_M = (
 LOCAL_DISTANCE_M = 10_000.0
 """Maps whose middle is farther from their origin get a local one."""
 ORIGIN_STEP_M = 100.0
+NOWHERE_DEG = 0.1
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,44 @@ def locate(projection: Projection, east_m: float, north_m: float) -> GlobePlace:
         projection.longitude_deg + math.degrees(turned),
         math.degrees(convergence),
     )
+
+
+def locate_origin(
+    projection: str,
+    east_m: float,
+    north_m: float,
+    *,
+    altitude_m: float = 0.0,
+    turn_deg: float = 0.0,
+) -> MapPlace | None:
+    """Locate the world's origin by the projection that a map declares.
+
+    Args:
+        projection: PROJ string or EPSG code.
+        east_m: Easting of the origin in the projection.
+        north_m: Northing of the origin.
+        altitude_m: Height that the map gives its origin.
+        turn_deg: Angle by which the map is turned counter-clockwise in the projection.
+
+    Returns:
+        The place; None if the projection is another one or none, or the place is not on the globe.
+    """
+    parsed = parse_projection(projection)
+    if parsed is None:
+        return None
+    try:
+        found = locate(parsed, east_m, north_m)
+        place = MapPlace(
+            latitude_deg=found.latitude_deg,
+            longitude_deg=found.longitude_deg,
+            altitude_m=altitude_m,
+            convergence_deg=found.convergence_deg - turn_deg,
+        )
+    except (ValueError, OverflowError):
+        return None
+    # Editors that know no place write a projection around latitude and longitude 0.
+    is_nowhere = max(abs(place.latitude_deg), abs(place.longitude_deg)) < NOWHERE_DEG
+    return None if is_nowhere else place
 
 
 def choose_origin(west_m: float, south_m: float, east_m: float, north_m: float) -> Point2:

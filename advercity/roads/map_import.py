@@ -94,8 +94,7 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     plan = _plan_map(found.root, declared, road, ledger)
     options = _build_import_options(declared, road, plan.root)
     if declared.extent_m is not None:
-        is_mirrored = plan.driving_side == "left"
-        options["keep-edges.in-boundary"] = _format_extent(declared.extent_m, is_mirrored)
+        options["keep-edges.in-boundary"] = _format_extent(declared.extent_m, plan)
     converted = _convert(plan.root, options, declared)
     _check_lanes(_parse_converted(converted, declared), declared)
     if plan.crossings:
@@ -106,6 +105,8 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
         source=declared.source,
         sha256=found.sha256,
         network=pack_network(net),
+        offset_m=plan.origin_m,
+        place=plan.place,
         driving_side=plan.driving_side,
         left_out=ledger.left_out,
     )
@@ -260,9 +261,10 @@ def _build_import_options(declared: MapFile, road: Road, root: Element) -> dict[
     return options
 
 
-def _format_extent(extent_m: tuple[Point2, Point2], is_mirrored: bool) -> str:
-    """Format a rectangle of the world in the plan frame, which is mirrored for left-hand maps."""
-    corners = np.array(extent_m) * (1.0, -1.0 if is_mirrored else 1.0)
+def _format_extent(extent_m: tuple[Point2, Point2], plan: MapPlan) -> str:
+    """Format a rectangle of the map in the plan frame, which is mirrored for left-hand maps."""
+    mirror = (1.0, -1.0 if plan.driving_side == "left" else 1.0)
+    corners = (np.array(extent_m) - plan.origin_m) * mirror
     box = (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
     return ",".join(f"{value:.3f}" for value in box)
 

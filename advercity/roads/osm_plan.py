@@ -53,7 +53,7 @@ def plan_extract(
     if road.land_use == "urban":
         add_sidewalks(osm)
     audit_widths(root, streets, ledger)
-    return MapPlan(plan, side, tuple(osm.list_points("highway", "crossing")))
+    return MapPlan(plan, side, crossings=tuple(osm.list_points("highway", "crossing")))
 
 
 def _find_driving_side(root: Element, road: Road, declared: MapFile, ledger: Ledger) -> Side:

@@ -1,17 +1,24 @@
 """SUMO networks of others as netconvert takes them: traffic on the right, and nothing unsafe."""
 
+import math
 from collections.abc import Iterator
 from xml.etree.ElementTree import Element
+
+import numpy as np
+from advercity_dsl.road import MapPlace
+from advercity_dsl.units import Point2
 
 from advercity.errors import InputError
 from advercity.foreign.ledger import Ledger
 from advercity.foreign.standards import load_standard
+from advercity.roads.georeference import choose_origin, locate_origin
 from advercity.roads.map_plan import MapPlan
 from advercity.roads.sumo_xml import sanitize_network
 
 TRUE_WORDS = ("true", "True", "yes", "on", "1", "x")
 """SUMO's words for true."""
 SHAPES = ("shape", "outlineShape")
+NO_NUMBER = "has a place that is no number"
 
 
 def plan_network(root: Element, ledger: Ledger) -> MapPlan:
@@ -31,36 +38,73 @@ def plan_network(root: Element, ledger: Ledger) -> MapPlan:
     _record_closed_lanes(root, ledger)
     net = sanitize_network(root, for_netconvert=True)
     _keep_last_programs(net, ledger)
-    if root.get("lefthand") not in TRUE_WORDS:
-        return MapPlan(net, "right")
-    mirror_network(net)
-    return MapPlan(net, "left")
+    origin_m = _choose_origin(net)
+    is_left = root.get("lefthand") in TRUE_WORDS
+    place_network(net, origin_m, is_mirrored=is_left)
+    place = _locate(root.find("location"), origin_m, ledger)
+    return MapPlan(net, "left" if is_left else "right", origin_m, place)
 
 
-def mirror_network(net: Element) -> None:
-    """Mirror a network at its x axis, in place.
+def place_network(net: Element, origin_m: Point2, *, is_mirrored: bool) -> None:
+    """Move a network to a local origin, and mirror it at the x axis, in place.
 
     Raises:
         InputError: A place is no number.
     """
+    if origin_m == (0.0, 0.0) and not is_mirrored:
+        return
+    sign = -1.0 if is_mirrored else 1.0
+
+    def place_x(text: str) -> str:
+        return repr(float(text) - origin_m[0])
+
+    def place_y(text: str) -> str:
+        return repr(sign * (float(text) - origin_m[1]))
+
+    def place_point(point: str) -> str:
+        x, y, *above = point.split(",")
+        return ",".join((place_x(x), place_y(y), *above))
+
     try:
         for item in net.iter():
             for name in SHAPES:
                 if shape := item.get(name):
-                    item.set(name, " ".join(map(_mirror_point, shape.split())))
-            if item.tag == "junction" and "y" in item.attrib:
-                item.set("y", _negate(item.attrib["y"]))
-    except (ValueError, IndexError):
-        raise InputError("has a place that is no number") from None
+                    item.set(name, " ".join(map(place_point, shape.split())))
+            if item.tag == "junction":
+                for name, place in (("x", place_x), ("y", place_y)):
+                    if name in item.attrib:
+                        item.set(name, place(item.attrib[name]))
+    except ValueError:
+        raise InputError(NO_NUMBER) from None
 
 
-def _mirror_point(point: str) -> str:
-    numbers = point.split(",")
-    return ",".join((numbers[0], _negate(numbers[1]), *numbers[2:]))
+def _choose_origin(net: Element) -> Point2:
+    """Choose the network's coordinates of the plan's origin."""
+    shapes = (lane.get("shape", "").split() for lane in net.iter("lane"))
+    try:
+        starts = [tuple(map(float, shape[0].split(",")[:2])) for shape in shapes if shape]
+        if not starts:
+            return 0.0, 0.0
+        west, south, east, north = (*np.min(starts, axis=0), *np.max(starts, axis=0))
+    except ValueError:
+        raise InputError(NO_NUMBER) from None
+    return choose_origin(float(west), float(south), float(east), float(north))
 
 
-def _negate(number: str) -> str:
-    return repr(-float(number))
+def _locate(location: Element | None, origin_m: Point2, ledger: Ledger) -> MapPlace | None:
+    """Locate the plan's origin: SUMO moves what it projects by an offset."""
+    if location is None or location.get("projParameter", "!") in ("!", "-", ""):
+        return None
+    try:
+        offset_x, offset_y = map(float, location.get("netOffset", "0,0").split(","))
+    except ValueError:
+        offset_x = offset_y = math.nan
+    place = locate_origin(
+        location.attrib["projParameter"], origin_m[0] - offset_x, origin_m[1] - offset_y
+    )
+    if place is None:
+        ledger.leave_out("projection of the map", plural="projections of the map", at=location)
+    return place
 
 
 def _record_closed_lanes(root: Element, ledger: Ledger) -> None:

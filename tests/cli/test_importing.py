@@ -3,11 +3,16 @@
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
+from advercity_dsl import MapNetwork, TrajectorySet
 
+from advercity.compiler import read_spec
 from advercity.compiler.shipped_library import find_shipped_library
 from advercity.frames import Trace
+from advercity.recordings.recorded_tables import read_recording
+from advercity.recordings.track_file import unpack_tracks
 from tests.command_line import Command
 from tests.recordings.recorded_files import (
     write_ind,
@@ -256,3 +261,25 @@ def test_a_simulation_of_somebody_else_becomes_a_dataset(
     options = ("--frames", "10:12", "--backend", "fake", "--profile", "preview", "--scale", "0.05")
     assert advercity("run", *ran.out.split(), *options, "--output", data).code == 0
     assert advercity("verify", data).code == 0
+
+
+def test_tracks_come_along_where_a_map_moves_to_a_local_origin(
+    advercity: Command, tmp_path: Path
+) -> None:
+    far = write_street(tmp_path)
+    far.write_text(far.read_text().replace('x="0" y="0"', 'x="691600" y="5335000"'))
+    ran = advercity(
+        *("import", "trajectories", write_interaction(tmp_path), "--map", far, "--ego", "1"),
+        *("--offset", "691600", "5335000", "--looks", "shaped", "--output", tmp_path / "out"),
+    )
+
+    assert ran.code == 0, ran.err
+    road = read_spec(Path(ran.out.split()[0])).road
+    assert isinstance(road.imported, MapNetwork)
+    assert isinstance(road.trajectories, TrajectorySet)
+    away_m = np.subtract((691600, 5335000), road.imported.offset_m)
+    ego = next(track for track in unpack_tracks(road.trajectories) if track.id == "1")
+    own = next(track for track in read_recording(write_interaction(tmp_path)) if track.id == "1")
+    assert np.abs(ego.places).max() < 1000
+    np.testing.assert_allclose(ego.places[0], own.places[0] + away_m, atol=1e-5)
+    assert road.ego.spawn_m == pytest.approx(ego.places[0], abs=5)

@@ -1,6 +1,7 @@
 """Networks of others: traffic on the left, and what netconvert makes of their attributes."""
 
 from pathlib import Path
+from xml.etree.ElementTree import SubElement
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from advercity_dsl.units import Point2
 
 from advercity.errors import InputError
 from advercity.foreign.ledger import describe_left_out
-from advercity.foreign.xml_documents import parse_xml
+from advercity.foreign.xml_documents import parse_xml, to_xml_bytes
 from advercity.roads.map_import import import_map
 from advercity.roads.network_file import SumoNetwork, parse_network, parse_packed_network
 from tests.roads.imported_roads import declaration
@@ -123,3 +124,50 @@ def test_of_several_programs_of_a_light_the_last_is_read(tmp_path: Path) -> None
     (before,) = parse_network(parse_xml(build_crossing_network().encode())).programs
     assert light.phases[0][0] == float(f"1{before.phases[0][0]:g}")
     assert describe_names(found) == {"further program of a light": 1}
+
+
+def move_and_project(text: str, east_m: float, north_m: float) -> str:
+    """Move a network by a SUMO offset, and say that it is in UTM zone 32."""
+    net = parse_xml(text.encode())
+    for item in net.iter():
+        if item.get("shape"):
+            points = (point.split(",") for point in item.attrib["shape"].split())
+            moved = [f"{float(x) + east_m},{float(y) + north_m}" for x, y, *_ in points]
+            item.set("shape", " ".join(moved))
+        if item.tag == "junction":
+            item.set("x", str(float(item.attrib["x"]) + east_m))
+            item.set("y", str(float(item.attrib["y"]) + north_m))
+    location = next(net.iter("location"), None)
+    location = SubElement(net, "location") if location is None else location
+    offset = f"{east_m - 691600},{north_m - 5335000}"
+    location.attrib |= {"netOffset": offset, "projParameter": "+proj=utm +zone=32 +ellps=WGS84"}
+    return to_xml_bytes(net).decode()
+
+
+@pytest.mark.parametrize("moved_m", [(0.0, 0.0), (691600.0, 5335000.0), (-30000.0, 12300.0)])
+@pytest.mark.parametrize("text", [LEFT_HAND, build_crossing_network()])
+def test_a_projected_network_is_around_a_local_origin_and_on_the_globe(
+    text: str, moved_m: Point2, tmp_path: Path
+) -> None:
+    plain = import_network(text, tmp_path)
+    found = import_network(move_and_project(text, *moved_m), tmp_path)
+
+    own, plan = (draw_lanes(parse_packed_network(item.network), 1) for item in (plain, found))
+    shift = np.subtract(moved_m, found.offset_m)
+    if plain.driving_side == "left":
+        shift[1] *= -1
+    assert np.abs(shift).max() < 200
+    assert shapely.hausdorff_distance(shapely.transform(own, lambda at: at + shift), plan) < 0.01
+    # What was at (0, 0) is at 691600 m east and 5335000 m north in UTM.
+    assert found.place is not None
+    north_m = np.radians(found.place.latitude_deg - 48.13937796639) * 6_371_000
+    assert north_m == pytest.approx(-shift[1] if plain.driving_side == "right" else shift[1], abs=9)
+
+
+def test_a_projection_that_is_not_read_is_listed(tmp_path: Path) -> None:
+    text = move_and_project(build_crossing_network(), 0, 0).replace("+proj=utm", "+proj=lcc")
+
+    found = import_network(text, tmp_path)
+
+    assert found.place is None
+    assert "1 projection of the map" in describe_left_out(found.left_out)

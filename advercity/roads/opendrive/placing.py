@@ -9,7 +9,7 @@ from advercity_dsl.road import MapPlace
 from advercity_dsl.units import Point2
 
 from advercity.errors import InputError
-from advercity.roads.georeference import choose_origin, locate, parse_projection
+from advercity.roads.georeference import choose_origin, locate_origin
 from advercity.roads.opendrive.document import (
     Connection,
     Header,
@@ -22,7 +22,6 @@ from advercity.roads.opendrive.document import (
 )
 from advercity.roads.opendrive.profiles import Profile
 
-NOWHERE_DEG = 0.1
 MIRRORED_VALUES = {"arc": 1, "spiral": 2, "poly3": 4, "paramPoly3": 4}
 """Number of the last values of a geometry that change their sign when it is mirrored."""
 
@@ -62,22 +61,14 @@ def place_map(document: OpenDriveMap) -> PlacedMap:
 
 
 def _locate_origin(header: Header, origin_m: Point2) -> MapPlace | None:
-    projection = parse_projection(header.projection)
-    if projection is None:
-        return None
     cosine, sine = math.cos(header.heading), math.sin(header.heading)
     x, y = origin_m
-    east_m = header.offset_m[0] + cosine * x - sine * y
-    north_m = header.offset_m[1] + sine * x + cosine * y
-    found = locate(projection, east_m, north_m)
-    # Editors that know no place write a projection around latitude and longitude 0.
-    if max(abs(found.latitude_deg), abs(found.longitude_deg)) < NOWHERE_DEG:
-        return None
-    return MapPlace(
-        latitude_deg=found.latitude_deg,
-        longitude_deg=found.longitude_deg,
+    return locate_origin(
+        header.projection,
+        header.offset_m[0] + cosine * x - sine * y,
+        header.offset_m[1] + sine * x + cosine * y,
         altitude_m=header.offset_m[2],
-        convergence_deg=found.convergence_deg - math.degrees(header.heading),
+        turn_deg=math.degrees(header.heading),
     )
 
 
