@@ -58,22 +58,22 @@ OSM_OPTIONS = {
     "tls.guess-signals": "true",
 }
 SUMO_OPTIONS = {"sumo-net-file": "map.xml"}
-OPENDRIVE_OPTIONS = {
-    "node-files": "nodes.xml",
-    "edge-files": "edges.xml",
-    "connection-files": "connections.xml",
+JUNCTION_OPTIONS = {
     "roundabouts.guess": "true",
     "junctions.corner-detail": "8",
     "junctions.internal-link-detail": "12",
     "tls.default-type": "static",
 }
+OPENDRIVE_OPTIONS = {
+    "node-files": "nodes.xml",
+    "edge-files": "edges.xml",
+    "connection-files": "connections.xml",
+    **JUNCTION_OPTIONS,
+}
 CAR_OPTIONS = {
     "output.street-names": "true",
     "keep-edges.by-vclass": "passenger",
-    "roundabouts.guess": "true",
-    "junctions.corner-detail": "8",
-    "junctions.internal-link-detail": "12",
-    "tls.default-type": "static",
+    **JUNCTION_OPTIONS,
 }
 
 
