@@ -161,7 +161,7 @@ def test_an_unusable_map_is_reported_under_its_own_name(advercity: Command, tmp_
     ran = advercity("import", "trajectories", write_ind(tmp_path), *chosen)
 
     assert ran.code == 2
-    assert f"error: {street}: netconvert cannot use it" in ran.err
+    assert f"error: {street}: line 8: <width>: a is 'nan'" in ran.err
     assert ".partial" not in ran.err
     assert not (tmp_path / "out").exists()
 

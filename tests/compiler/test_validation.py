@@ -11,7 +11,8 @@ def test_a_misspelt_key_is_reported_with_position_and_the_most_similar_name(writ
 def test_an_invalid_unit_is_reported_with_the_valid_ones(write: Write) -> None:
     folder = write(weather="kind: weather\nid: fog_day\ntime: day\nfog: {mor_m: 75 deg}\n")
     assert describe_errors(folder) == (
-        "weather.yaml:4:14: fog.mor_m: 'deg' is a unit of angle; units of length: um, mm, cm, m, km"
+        "weather.yaml:4:14: fog.mor_m: 'deg' is a unit of angle; units of length: um, mm, cm, m,"
+        " km, in, ft, mi"
     )
 
 
