@@ -1,6 +1,5 @@
 """Recordings of SUMO scenarios of others: they are run once, in a child process, and watched."""
 
-import json
 import os
 import re
 import subprocess
@@ -16,6 +15,7 @@ from advercity_dsl import ActorClass
 from numpy.typing import NDArray
 
 from advercity.compiler.recorded_roads import Recording
+from advercity.documents import parse_json
 from advercity.errors import InputError, RunError, report_temporary_errors
 from advercity.foreign.ledger import Ledger
 from advercity.recordings.sumo_scenario import read_sumo_scenario
@@ -105,7 +105,7 @@ def _run_worker(
         raise InputError(f"{path}: {error}", *(f"SUMO: {line[7:307]}" for line in causes[:3]))
     if done.returncode != 0:
         raise RunError(f"{path}: SUMO fails: {error or f'exit code {done.returncode}'}")
-    return json.loads(output.read_text(encoding="utf-8"))
+    return parse_json(output.read_bytes(), output)
 
 
 def _build_tracks(found: dict[str, Any], ledger: Ledger) -> Iterator[Track]:

@@ -89,7 +89,8 @@ def test_a_car_is_dark_by_its_own_contact_neither_on_its_roof_nor_on_its_sides()
     ("bottom_m", "semantic", "is_dark"),
     [
         (0.3, Semantic.VEHICLE, True),  # a parked car
-        (0.0, Semantic.STATIC, True),  # a bin
+        # A bin. Rays hit a face level with the ground before or after it, as the processor rounds.
+        (0.01, Semantic.STATIC, True),
         (4.0, Semantic.TRAFFIC_SIGN, False),
         (-0.85, Semantic.VEGETATION, False),  # crops that came up
     ],
