@@ -1,50 +1,75 @@
-"""Which pedestrian crossings an imported map has, and which of netconvert's guesses it confirms."""
+"""Which pedestrian crossings an imported map has: those of netconvert's guesses that it marks."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from copy import copy
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import shapely
+from advercity_dsl import Road
 
-from advercity.roads.network_file import SumoEdge, SumoNetwork
-from advercity.roads.osm_map import read_tags
+from advercity.roads.map_conversion import NETWORK_OPTIONS, WALKED_CLASSES, Conversion
+from advercity.roads.network_file import SumoEdge, SumoNetwork, parse_network
 
 MAX_MARK_DISTANCE_M = 20.0
 """Distance from a crossing within which the map marks one; maps draw streets as single lines."""
+Marks = Sequence[tuple[float, float]]
 
 
-def marks_crossings(root: Element) -> bool:
-    """Test whether an OpenStreetMap document says where crossings are."""
-    return any(read_tags(item).get("highway") == "crossing" for item in root.iter("node"))
+def get_guess_options(road: Road, marked: Marks) -> dict[str, str]:
+    """Return the option that lets netconvert guess crossings.
+
+    Where a map has none, junctions of towns get some, those in the country none. Where it has, they
+    confirm what is guessed, since netconvert does not take them over.
+    """
+    return {"crossings.guess": str(road.land_use == "urban" or len(marked) > 0).lower()}
 
 
-def build_discards(network: SumoNetwork, marked: Sequence[tuple[float, float]]) -> Element | None:
-    """Build netconvert's list of crossings that no mark is nearest to; None if there are none."""
+def discard_unmarked(marked: Marks, converted: Element) -> Conversion | None:
+    """Build the conversion that removes the crossings of a network that no mark is nearest to."""
+    network = parse_network(converted)
     confirmed = _find_confirmed(network, marked)
     root = Element("connections")
-    for edge in network.edges:
-        if edge.function == "crossing" and edge.id not in confirmed:
+    for edge in _list_crossings(network):
+        if edge.id not in confirmed:
             _add_crossing(root, edge).set("discard", "true")
-    return root if len(root) else None
+    if not len(root):
+        return None
+    # Of edges for pedestrians alone, only those that are to stay have been converted.
+    options = {"keep-edges.by-vclass": WALKED_CLASSES, "connection-files": "crossings.con.xml"}
+    documents = {"map.xml": converted, "crossings.con.xml": root}
+    return Conversion(documents, NETWORK_OPTIONS | options)
 
 
-def build_confirmed(network: SumoNetwork, marked: Sequence[tuple[float, float]]) -> list[Element]:
-    """Build netconvert's elements for the crossings that marks are nearest to."""
-    root = Element("connections")
+def declare_marked(marked: Marks, plain: Conversion, converted: Element) -> Conversion:
+    """Build the conversion of plain XML that has the guessed crossings that marks are nearest to.
+
+    Args:
+        marked: Middles of the crossings of the map.
+        plain: The conversion that guesses.
+        converted: The network that it makes.
+    """
+    network = parse_network(converted)
     confirmed = _find_confirmed(network, marked)
-    for edge in network.edges:
+    connections = copy(plain.documents["connections.xml"])
+    for edge in _list_crossings(network):
         if edge.id in confirmed:
-            _add_crossing(root, edge)
-    return list(root)
+            _add_crossing(connections, edge)
+    documents = {**plain.documents, "connections.xml": connections}
+    return Conversion(documents, {**plain.options, "crossings.guess": "false"})
 
 
-def _find_confirmed(network: SumoNetwork, marked: Sequence[tuple[float, float]]) -> set[str]:
-    guessed = [edge for edge in network.edges if edge.function == "crossing"]
+def _find_confirmed(network: SumoNetwork, marked: Marks) -> set[str]:
+    guessed = list(_list_crossings(network))
     lines = [shapely.LineString(edge.lanes[0].shape[:, :2]) for edge in guessed]
     _, nearest = shapely.STRtree(lines).query_nearest(
         shapely.points(np.array(marked)), max_distance=MAX_MARK_DISTANCE_M, all_matches=False
     )
     return {guessed[index].id for index in nearest.tolist()}
+
+
+def _list_crossings(network: SumoNetwork) -> Iterator[SumoEdge]:
+    return (edge for edge in network.edges if edge.function == "crossing")
 
 
 def _add_crossing(root: Element, edge: SumoEdge) -> Element:

@@ -4,56 +4,90 @@ The document is in metres instead of degrees, has traffic on the right, and what
 saying so: round rings, sidewalks.
 """
 
-from collections.abc import Callable, Set
+from functools import partial
 from xml.etree.ElementTree import Element
 
+import numpy as np
 from advercity_dsl import MapFile, Road
 
 from advercity.errors import InputError
 from advercity.foreign.ledger import Ledger
 from advercity.foreign.xml_documents import get_line
 from advercity.roads.driving_sides import find_left_hand_region
-from advercity.roads.map_plan import MapPlan, Side
+from advercity.roads.imported_crossings import discard_unmarked, get_guess_options
+from advercity.roads.map_conversion import CAR_OPTIONS, WALKED_CLASSES, Conversion, convert
+from advercity.roads.map_names import get_map_id
+from advercity.roads.map_plan import MapPlan, Side, build_extent_options
 from advercity.roads.osm_levels import set_heights
-from advercity.roads.osm_map import OsmMap, add_sidewalks, mark_paths, read_tags
+from advercity.roads.osm_map import REMOVED_TYPE, OsmMap, add_sidewalks, mark_paths, read_tags
 from advercity.roads.osm_mirror import mirror_tags
 from advercity.roads.osm_roundabouts import round_roundabouts
 from advercity.roads.osm_tags import audit_extract, audit_widths
 
+EARTH_RADIUS_M = 6_371_000.0
+MAX_MAP_DISTANCE_M = 20_000.0
+"""Longest distance from the road's origin to its map; a plane fits the globe to centimetres."""
+MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90, 180
+METRES = {"osm-files": "map.xml", "proj": "!"}
+"""Options for a document in metres, which is not projected."""
+OSM_OPTIONS = {
+    **CAR_OPTIONS,
+    **METRES,
+    # netconvert makes the sidewalk at the left of a one-way street an edge of its own.
+    "keep-edges.by-vclass": WALKED_CLASSES,
+    "remove-edges.by-type": REMOVED_TYPE,
+    "osm.sidewalks": "true",
+    "osm.elevation": "true",
+    "geometry.remove": "true",
+    "junctions.join": "true",
+    "tls.discard-simple": "true",
+    "tls.join": "true",
+    "tls.guess-signals": "true",
+}
 
-def plan_extract(
-    root: Element,
-    road: Road,
-    declared: MapFile,
-    find_streets: Callable[[Element], Set[str]],
-    ledger: Ledger,
-) -> MapPlan:
+
+def plan_extract(root: Element, road: Road, declared: MapFile, ledger: Ledger) -> MapPlan:
     """Complete an extract, in place, and lay it out in the plan.
 
     Args:
         root: The extract, whose nodes are on the globe.
         road: The road, whose origin locates it.
         declared: The map as the road declares it.
-        find_streets: Finds the ids of the ways that cars may use in a document in metres.
         ledger: Where to record what is left out.
 
     Raises:
-        InputError: Some ways say that traffic is on the left, others that it is on the right.
+        InputError: It is far from the road's origin, or some ways say that traffic is on the left,
+            others that it is on the right.
     """
+    _check_places(root, road)
     side = _find_driving_side(root, road, declared, ledger)
     round_roundabouts(root)
     if side == "left":
         mirror_tags(root)
     osm = OsmMap.around(road, root, is_mirrored=side == "left")
     plan = osm.build_plan()
-    streets = find_streets(plan)
+    streets = _find_streets(plan)
     audit_extract(root, streets, ledger)
     mark_paths(plan, streets)
     set_heights(plan, streets, ledger)
     if road.land_use == "urban":
         add_sidewalks(osm)
     audit_widths(root, streets, ledger)
-    return MapPlan(plan, side, crossings=tuple(osm.list_points("highway", "crossing")))
+    crossings = osm.list_points("highway", "crossing")
+    extent = build_extent_options(declared, side=side)
+    options = OSM_OPTIONS | get_guess_options(road, crossings) | extent
+    return MapPlan(
+        Conversion({"map.xml": plan}, options),
+        side,
+        confirm=partial(discard_unmarked, crossings) if crossings else None,
+    )
+
+
+def _find_streets(plan: Element) -> set[str]:
+    """Find the ids of the ways that cars may use, as netconvert reads their tags."""
+    options = {**METRES, "keep-edges.by-vclass": "passenger"}
+    found = convert(Conversion({"map.xml": plan}, options))
+    return {get_map_id(item.attrib["id"]) for item in found.iter("edge")}
 
 
 def _find_driving_side(root: Element, road: Road, declared: MapFile, ledger: Ledger) -> Side:
@@ -68,7 +102,7 @@ def _find_driving_side(root: Element, road: Road, declared: MapFile, ledger: Led
     if {"left", "right"} <= said.keys():
         left, right = (f"way {said[side].get('id')}" for side in ("left", "right"))
         raise InputError(
-            f"{declared.file}: line {get_line(said['right'])}: traffic is on the right on {right},"
+            f"line {get_line(said['right'])}: traffic is on the right on {right},"
             f" but on the left on {left}; a road has one side, which `driving_side` may declare"
         )
     if "left" in said:
@@ -78,3 +112,30 @@ def _find_driving_side(root: Element, road: Road, declared: MapFile, ledger: Led
         return "right"
     ledger.leave_out(f"driving side that the map lacks (left, as in {region}, is assumed)")
     return "left"
+
+
+def _check_places(root: Element, road: Road) -> None:
+    """Check that an extract's nodes are on the globe, and near the road's origin."""
+    try:
+        nodes = [
+            (float(item.attrib["lat"]), float(item.attrib["lon"])) for item in root.iter("node")
+        ]
+    except (KeyError, ValueError):
+        raise InputError("has a node without latitude and longitude") from None
+    if not nodes:
+        raise InputError("has no nodes")
+    for latitude, longitude in nodes:
+        if not (abs(latitude) <= MAX_LATITUDE_DEG and abs(longitude) <= MAX_LONGITUDE_DEG):
+            raise InputError(
+                f"has a node at latitude {latitude:g} and longitude"
+                f" {longitude:g}; latitudes are -{MAX_LATITUDE_DEG} to {MAX_LATITUDE_DEG} degrees,"
+                f" longitudes -{MAX_LONGITUDE_DEG} to {MAX_LONGITUDE_DEG}"
+            )
+    latitude, longitude = np.mean(nodes, axis=0)
+    north, east = np.radians([latitude - road.origin_lat_deg, longitude - road.origin_lon_deg])
+    away = EARTH_RADIUS_M * float(np.hypot(north, east * np.cos(np.radians(latitude))))
+    if not away < MAX_MAP_DISTANCE_M:
+        raise InputError(
+            f"is {away / 1000:.0f} km from the road's origin; declare"
+            f" `origin_lat_deg: {latitude:.5f}` and `origin_lon_deg: {longitude:.5f}`, its middle"
+        )

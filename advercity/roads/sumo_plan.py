@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from xml.etree.ElementTree import Element
 
 import numpy as np
+from advercity_dsl import MapFile, Road
 from advercity_dsl.road import MapPlace
 from advercity_dsl.units import Point2
 
@@ -12,7 +13,9 @@ from advercity.errors import InputError
 from advercity.foreign.ledger import Ledger
 from advercity.foreign.standards import load_standard
 from advercity.roads.georeference import choose_origin, locate_origin
-from advercity.roads.map_plan import MapPlan
+from advercity.roads.imported_crossings import get_guess_options
+from advercity.roads.map_conversion import NETWORK_OPTIONS, Conversion
+from advercity.roads.map_plan import MapPlan, build_extent_options
 from advercity.roads.sumo_xml import sanitize_network
 
 TRUE_WORDS = ("true", "True", "yes", "on", "1", "x")
@@ -21,7 +24,7 @@ SHAPES = ("shape", "outlineShape")
 NO_NUMBER = "has a place that is no number"
 
 
-def plan_network(root: Element, ledger: Ledger) -> MapPlan:
+def plan_network(root: Element, road: Road, declared: MapFile, ledger: Ledger) -> MapPlan:
     """Lay out a network of somebody else in the plan.
 
     SUMO counts the lanes of a network with traffic on the left from the left; mirrored, they are
@@ -29,6 +32,8 @@ def plan_network(root: Element, ledger: Ledger) -> MapPlan:
 
     Args:
         root: The network.
+        road: The road that it is for.
+        declared: The map as the road declares it.
         ledger: Where to record what is left out.
 
     Raises:
@@ -39,10 +44,12 @@ def plan_network(root: Element, ledger: Ledger) -> MapPlan:
     net = sanitize_network(root, for_netconvert=True)
     _keep_last_programs(net, ledger)
     origin_m = _choose_origin(net)
-    is_left = root.get("lefthand") in TRUE_WORDS
-    place_network(net, origin_m, is_mirrored=is_left)
+    side = "left" if root.get("lefthand") in TRUE_WORDS else "right"
+    place_network(net, origin_m, is_mirrored=side == "left")
     place = _locate(root.find("location"), origin_m, ledger)
-    return MapPlan(net, "left" if is_left else "right", origin_m, place)
+    extent = build_extent_options(declared, origin_m, side)
+    options = NETWORK_OPTIONS | get_guess_options(road, ()) | extent
+    return MapPlan(Conversion({"map.xml": net}, options), side, origin_m, place)
 
 
 def place_network(net: Element, origin_m: Point2, *, is_mirrored: bool) -> None:

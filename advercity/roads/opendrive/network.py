@@ -6,7 +6,6 @@ right of way and no crossing.
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
@@ -20,6 +19,7 @@ from advercity.geometry.polyline import (
     polyline_length,
     polyline_stations,
 )
+from advercity.roads.map_plan import LaneLines
 from advercity.roads.opendrive.chains import StreetLane, simplify_together
 from advercity.roads.opendrive.document import OpenDriveMap
 from advercity.roads.opendrive.paths import LaneEnd
@@ -30,7 +30,8 @@ from advercity.roads.opendrive.topology import (
     list_end_points,
 )
 from advercity.roads.opendrive.traffic_lights import find_signalled_junctions
-from advercity.roads.sumo_xml import BORDER_ATTRIBUTES, format_metres, format_shape
+from advercity.roads.plain_network import PlainNetwork
+from advercity.roads.sumo_xml import format_metres, format_shape
 
 PLAIN_ID = re.compile(r"[A-Za-z0-9_]{1,40}")
 BORDER_TOLERANCE_M = 0.005
@@ -43,33 +44,6 @@ TOUCH_M = 0.02
 """Half the thickness of a node where streets touch."""
 
 
-@dataclass(frozen=True, eq=False)
-class LaneLines:
-    """Middle (n, 3) of a lane, and its borders where SUMO's line and width do not give them."""
-
-    centre: Points
-    borders: tuple[Points, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class PlainNetwork:
-    """What netconvert compiles, and what it has no words for.
-
-    Attributes:
-        documents: Nodes, edges and connections.
-        names: Names of streets in the map, by edge.
-        lanes: Lines of every lane, by SUMO's id.
-        outlines: Kind and ring (n, 3) of paving inside junctions.
-        crosswalks: Middles of the crosswalks of the map.
-    """
-
-    documents: dict[str, Element]
-    names: dict[str, str]
-    lanes: dict[str, LaneLines]
-    outlines: list[tuple[str, Points]]
-    crosswalks: list[tuple[float, float]]
-
-
 def build_plain_network(document: OpenDriveMap, extent: BaseGeometry | None) -> PlainNetwork:
     """Build the network of a map; streets entirely outside an extent are left out.
 
@@ -79,11 +53,9 @@ def build_plain_network(document: OpenDriveMap, extent: BaseGeometry | None) -> 
     topology = build_topology(document, extent)
     nodes = _Nodes(document, topology)
     return PlainNetwork(
-        documents={
-            "nodes": nodes.build(),
-            "edges": _build_edges(topology, nodes),
-            "connections": _build_connections(topology, nodes),
-        },
+        nodes=nodes.build(),
+        edges=_build_edges(topology, nodes),
+        connections=_build_connections(topology, nodes),
         names={
             name: edge.street.name or f"road {edge.street.road}"
             for name, edge in topology.edges.items()
@@ -92,20 +64,6 @@ def build_plain_network(document: OpenDriveMap, extent: BaseGeometry | None) -> 
         outlines=list(_list_outlines(document, topology, extent)),
         crosswalks=list(_list_crosswalks(document)),
     )
-
-
-def complete_network(net: Element, plain: PlainNetwork) -> None:
-    """Add the lines of lanes and outlines to the network that netconvert made of a plain one."""
-    for lane in net.iter("lane"):
-        lines = plain.lanes.get(lane.attrib["id"])
-        if lines is not None:
-            # netconvert drops points that are close to each other, and borders have all.
-            lane.set("shape", format_shape(lines.centre))
-            for name, border in zip(BORDER_ATTRIBUTES, lines.borders, strict=False):
-                lane.set(name, format_shape(border))
-    for number, (kind, ring) in enumerate(plain.outlines):
-        shape = format_shape(ring)
-        SubElement(net, "poly", {"id": f"{kind}_{number}", "type": kind, "shape": shape})
 
 
 class _Nodes:

@@ -1,0 +1,32 @@
+"""OpenDRIVE maps as plans of an import."""
+
+from xml.etree.ElementTree import Element
+
+import shapely
+from advercity_dsl import MapFile, Road
+
+from advercity.foreign.ledger import Ledger
+from advercity.roads.map_plan import MapPlan, place_extent
+from advercity.roads.opendrive.network import build_plain_network
+from advercity.roads.opendrive.omissions import record_omissions
+from advercity.roads.opendrive.parsing import parse_opendrive
+from advercity.roads.opendrive.placing import place_map
+
+
+def plan_opendrive(root: Element, road: Road, declared: MapFile, ledger: Ledger) -> MapPlan:
+    """Lay out a map in the plan.
+
+    Args:
+        root: The document.
+        road: The road that it is for.
+        declared: The map as the road declares it.
+        ledger: Where to record what is left out.
+
+    Raises:
+        InputError: A value of it is not allowed.
+    """
+    record_omissions(root, ledger)
+    placed = place_map(parse_opendrive(root))
+    box = place_extent(declared, placed.origin_m, placed.driving_side)
+    plain = build_plain_network(placed.document, None if box is None else shapely.box(*box))
+    return plain.plan(road, placed.driving_side, placed.origin_m, placed.place)
