@@ -1,8 +1,9 @@
-"""Point clouds as files: PCD with the full point table, binary or compressed, and PLY as text.
+"""Point clouds as files: PCD with the full point table, and PLY as text.
 
 PCD: readers of OPV2V take `x y z` as 4-byte floats and the intensity from the red channel of
 `rgb`, eight bits of it. They skip the fields behind `rgb`, which hold the full precision and all
-else that is known of a point. `x y z` and `raw_x raw_y raw_z` are left-handed.
+else that is known of a point. `x y z` and `raw_x raw_y raw_z` are left-handed. Clouds of others
+may have other fields, and be text.
 
 PLY: as the original wrote it with Open3D. Coordinates are doubles, the intensity is the red colour
 in eight bits, and there is nothing else.
@@ -10,9 +11,10 @@ in eight bits, and there is nothing else.
 
 from __future__ import annotations
 
+import math
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +51,11 @@ MAX_CLOUD_BYTES = 10**9
 """Twenty times the cloud of the densest LiDAR of a spec."""
 MAX_LZF_RATIO = 100
 """Upper bound of how many times LZF data grow: at most 264 bytes from 3."""
+MAX_FIELD_VALUES = 4096
+"""Largest number of values in one field of a point; descriptors of features have some hundreds."""
+COLOUR_FIELDS = ("rgb", "rgba")
+"""PCL's fields of four bytes, 0xAARRGGBB."""
+XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
 _SIZES = struct.Struct("<II")
 """Sizes before compressed data: compressed, and as they are."""
 
@@ -110,9 +117,14 @@ def _decompress(body: bytes, count: int, kind: np.dtype[np.void]) -> NDArray[np.
     """Undo `_compress`; ValueError if the data are cut off or damaged."""
     from imagecodecs import LzfError, lzf_decode
 
-    packed, size = body[_SIZES.size :], count * kind.itemsize
-    if body[: _SIZES.size] != _SIZES.pack(len(packed), size) or size > MAX_LZF_RATIO * len(packed):
+    if len(body) < _SIZES.size:
         raise ValueError("is cut off")
+    packed_size, size = _SIZES.unpack_from(body)
+    packed = body[_SIZES.size :]
+    if packed_size != len(packed) or size != count * kind.itemsize:
+        raise ValueError("is cut off, or its sizes are not those of its points")
+    if size > MAX_LZF_RATIO * packed_size:
+        raise ValueError(f"{packed_size} bytes cannot hold {count} points of {kind.itemsize} bytes")
     try:
         fields = lzf_decode(packed, out=size)
     except LzfError as error:
@@ -124,6 +136,43 @@ def _decompress(body: bytes, count: int, kind: np.dtype[np.void]) -> NDArray[np.
         table[name] = np.frombuffer(fields, kind[name], count, start)
         start += count * kind[name].itemsize
     return table
+
+
+def _parse_binary(body: bytes, count: int, kind: np.dtype[np.void]) -> NDArray[np.void]:
+    if len(body) != count * kind.itemsize:
+        raise ValueError(f"is cut off: {len(body)} bytes for {count} points of {kind.itemsize}")
+    return np.frombuffer(body, dtype=kind)
+
+
+def _parse_text(body: bytes, count: int, kind: np.dtype[np.void]) -> NDArray[np.void]:
+    """Parse points that are lines of numbers; ValueError if they are not `count` of them."""
+    widths = {name: math.prod(kind[name].shape) for name in kind.names or ()}
+    wanted = count * sum(widths.values())
+    # A number takes a digit and what parts it from the next.
+    values = body.split() if 2 * wanted <= len(body) + 1 else []
+    if len(values) != wanted:
+        raise ValueError(
+            f"its text is not {wanted} numbers, {count} points of {len(widths)} fields"
+        )
+    numbers = np.array(values, np.float64).reshape(count, -1)
+    table, start = np.empty(count, kind), 0
+    for name, width in widths.items():
+        columns = numbers[:, start : start + width].reshape(count, *kind[name].shape)
+        # PCL writes the bits of a colour as a whole number, whatever its type.
+        is_colour = name in COLOUR_FIELDS and kind[name] == np.float32
+        table[name] = _to_colour_bits(columns).view(np.float32) if is_colour else columns
+        start += width
+    return table
+
+
+def _to_colour_bits(values: NDArray[np.float64]) -> NDArray[np.uint32]:
+    """Convert colours written as whole numbers, or as floats of the same bits, to these bits."""
+    is_whole = values >= 1.0
+    bits = np.where(is_whole, 0.0, values).astype(np.float32).view(np.uint32)
+    return np.where(is_whole, values, bits).astype(np.uint32)
+
+
+_PARSERS = {"ascii": _parse_text, "binary": _parse_binary, "binary_compressed": _decompress}
 
 
 def format_pcd_header(count: int, point: np.dtype[np.void], encoding: CloudEncoding) -> str:
@@ -147,36 +196,60 @@ def format_pcd_header(count: int, point: np.dtype[np.void], encoding: CloudEncod
 
 
 def read_pcd(path: Path, point: np.dtype[np.void] = PCD_POINT) -> NDArray[np.void]:
-    """Read a binary or compressed PCD as a table (n,) of its header's fields, left-handed.
+    """Read a PCD as a table (n,) of its header's fields, left-handed.
+
+    The size of its data is compared with the header before memory is taken for its points.
 
     Args:
         path: The file.
         point: Fields that it must have.
 
     Raises:
-        InputError: The file cannot be read, is no such PCD, or has not all of the fields.
+        InputError: The file cannot be read, is no PCD, or has not all of the fields.
     """
-    try:
-        header, _, rest = read_bytes(path, max_bytes=MAX_CLOUD_BYTES).partition(b"DATA ")
-    except PermissionError as error:
-        raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
+    content = _read_cloud_file(path)
+    header, _, rest = content.partition(b"DATA ")
     encoding, _, body = rest.partition(b"\n")
     try:
         count, kind = _parse_pcd_header(header.decode("ascii"))
         _check_fields(kind, point)
-        if encoding == b"binary_compressed":
-            return _decompress(body, count, kind)
-        if encoding != b"binary":
-            raise ValueError(f"its data are {encoding[:20]!r}")
+        parse = _PARSERS.get(encoding.decode("ascii").strip())
+        if parse is None:
+            raise ValueError(f"its data are {encoding[:20]!r}; known are {', '.join(_PARSERS)}")
+        return parse(body, count, kind)
     except (LookupError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: not a binary point cloud: {error}") from error
-    if len(body) != count * kind.itemsize:
-        raise InputError(
-            f"{path}: is cut off: {len(body)} bytes for {count} points of {kind.itemsize}"
-        )
-    return np.frombuffer(body, dtype=kind)
+        raise InputError(f"{path}: not a point cloud: {error}") from error
+
+
+def read_foreign_pcd(path: Path) -> NDArray[np.void]:
+    """Read a PCD of others as a table (n,), in the frame of the file.
+
+    Its fields are those of the file, and `intensity` from 0 to 1, which OPV2V has in the red
+    channel of `rgb`; without either it has none.
+
+    Raises:
+        InputError: The file cannot be read, is no PCD, or lacks `x`, `y` or `z` of 4-byte floats.
+    """
+    table = read_pcd(path, XYZ)
+    names = table.dtype.names or ()
+    colour = next((name for name in COLOUR_FIELDS if name in names), None)
+    if "intensity" in names or colour is None:
+        return table
+    wider = np.empty(len(table), np.dtype([*table.dtype.descr, ("intensity", "<f4")]))
+    for name in names:
+        wider[name] = table[name]
+    red = np.ascontiguousarray(table[colour]).view(np.uint32) >> 16 & 255
+    wider["intensity"] = red / np.float32(255)
+    return wider
+
+
+def _read_cloud_file(path: Path) -> bytes:
+    try:
+        return read_bytes(path, max_bytes=MAX_CLOUD_BYTES)
+    except PermissionError as error:
+        raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
 
 
 def _parse_pcd_header(header: str) -> tuple[int, np.dtype[np.void]]:
@@ -184,13 +257,21 @@ def _parse_pcd_header(header: str) -> tuple[int, np.dtype[np.void]]:
 
     LookupError, TypeError or ValueError if it is no header.
     """
-    entries = {key: values for key, *values in map(str.split, header.splitlines())}
+    entries = {key: values for key, *values in map(str.split, header.splitlines()) if key != "#"}
+    names = entries["FIELDS"]
     letters = {"F": "f", "I": "i", "U": "u"}
-    kinds = [
-        f"<{letters[letter]}{size}"
-        for letter, size in zip(entries["TYPE"], entries["SIZE"], strict=True)
-    ]
-    return int(entries["POINTS"][0]), np.dtype(list(zip(entries["FIELDS"], kinds, strict=True)))
+    widths = [int(width) for width in entries.get("COUNT", ["1"] * len(names))]
+    if any(not 1 <= width <= MAX_FIELD_VALUES for width in widths):
+        raise ValueError(f"COUNT is not from 1 to {MAX_FIELD_VALUES}")
+    fields: list[Any] = []
+    rows = zip(names, entries["TYPE"], entries["SIZE"], widths, strict=True)
+    for index, (name, letter, size, width) in enumerate(rows):
+        unique = f"_{index}" if name == "_" else name  # PCL's name of bytes that only fill up
+        fields.append((unique, f"<{letters[letter]}{size}", *([width] if width > 1 else [])))
+    count = int(entries["POINTS"][0])
+    if count < 0:
+        raise ValueError(f"POINTS is {count}")
+    return count, np.dtype(fields)
 
 
 def _check_fields(found: np.dtype[np.void], wanted: np.dtype[np.void]) -> None:
@@ -227,15 +308,11 @@ def encode_ply(points: NDArray[np.floating], *, intensity: NDArray[np.floating])
 
 def read_ply(path: Path) -> NDArray[np.void]:
     """Read a file of `encode_ply` as a table (n,) of `PLY_POINT`; InputError if it is none."""
+    content = _read_cloud_file(path)
     try:
-        content = read_bytes(path, max_bytes=MAX_CLOUD_BYTES)
         header, _, body = content.partition(b"end_header\n")
         count = int(header.partition(b"element vertex ")[2].split(maxsplit=1)[0])
         columns = np.array(body.split(), dtype=np.float64).reshape(count, 6)
-    except PermissionError as error:
-        raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {describe_cause(error)}") from error
     except (IndexError, ValueError) as error:
         raise InputError(f"{path}: not a cloud of advercity, or cut off: {error}") from error
     table = np.empty(count, dtype=PLY_POINT)

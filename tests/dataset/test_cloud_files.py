@@ -65,7 +65,7 @@ def test_the_same_cloud_gives_the_same_bytes(sensor_frames_of: SensorFramesOf) -
 def test_another_file_is_refused_as_a_cloud(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "points.pcd"
     path.write_bytes(content)
-    with pytest.raises(InputError, match="not a binary point cloud"):
+    with pytest.raises(InputError, match="not a point cloud"):
         cloud_files.read_pcd(path)
 
 
@@ -158,5 +158,98 @@ def test_a_compressed_cloud_that_is_damaged_or_cut_off_is_refused(
     cut = whole[: head + 8] + b"\xff" * 100
     for content in (whole[:-1], whole[: head + 4], cut, bomb, lying):
         path.write_bytes(content)
-        with pytest.raises(InputError, match="not a binary point cloud"):
+        with pytest.raises(InputError, match="not a point cloud"):
             cloud_files.read_pcd(path)
+
+
+HEADER = """# .PCD v0.7 - Point Cloud Data file format
+VERSION 0.7
+FIELDS {fields}
+SIZE {sizes}
+TYPE {types}
+COUNT {counts}
+WIDTH {points}
+HEIGHT 1
+VIEWPOINT 0 0 0 1 0 0 0
+POINTS {points}
+DATA {encoding}
+"""
+
+
+def write_pcd(
+    path: Path,
+    body: bytes,
+    *,
+    points: int,
+    encoding: str,
+    fields: str = "x y z rgb",
+    types: str = "F F F F",
+    counts: str = "1 1 1 1",
+) -> None:
+    sizes = " ".join("4" for _ in fields.split())
+    header = HEADER.format(**{**locals(), "sizes": sizes})
+    path.write_bytes(header.encode() + body)
+
+
+@pytest.mark.parametrize(
+    ("types", "colours"),
+    [
+        ("F F F U", ("16711680", "3368703")),  # 255 << 16, and 51 << 16 | 103 << 8 | 255
+        ("F F F F", ("16711680", "3368703")),  # as PCL writes floats of colours
+        ("F F F F", ("2.3418052e-38", "4.720558e-39")),  # as Open3D writes them
+    ],
+)
+def test_text_of_others_gives_points_and_the_red_channel_as_intensity(
+    tmp_path: Path, types: str, colours: tuple[str, str]
+) -> None:
+    path = tmp_path / "points.pcd"
+    body = f"1 2 -3.5 {colours[0]}\r\n-0.25 1e1 6 {colours[1]}\n".encode()
+    write_pcd(path, body, points=2, encoding="ascii", types=types)
+    table = cloud_files.read_foreign_pcd(path)
+    columns = np.column_stack([table[name] for name in "xyz"])
+    np.testing.assert_array_equal(columns, [[1, 2, -3.5], [-0.25, 10, 6]])
+    np.testing.assert_allclose(table["intensity"], [1.0, 51 / 255], rtol=1e-6)
+
+
+def test_fields_of_several_values_and_those_that_fill_up_are_skipped(tmp_path: Path) -> None:
+    path = tmp_path / "points.pcd"
+    rows = [
+        struct.pack("<3f4s8s", *point, b"\0" * 4, b"\7" * 8) for point in ((1, 2, 3), (4, 5, 6))
+    ]
+    write_pcd(
+        *(path, b"".join(rows)),
+        points=2,
+        encoding="binary",
+        fields="x y z _ normal",
+        types="F F F U U",
+        counts="1 1 1 1 2",
+    )
+    table = cloud_files.read_foreign_pcd(path)
+    assert table["z"].tolist() == [3.0, 6.0]
+    assert "intensity" not in (table.dtype.names or ())
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
+@pytest.mark.parametrize("points", [-1, 3, 10**9, 10**30])
+def test_a_cloud_with_a_wrong_number_of_points_takes_no_memory_for_them(
+    tmp_path: Path, encoding: str, points: int
+) -> None:
+    path = tmp_path / "points.pcd"
+    body = b"1 2 3 4\n5 6 7 8\n" if encoding == "ascii" else bytes(32)
+    write_pcd(path, body, points=points, encoding=encoding)
+    with pytest.raises(InputError, match=f"{path.name}: not a point cloud"):
+        cloud_files.read_foreign_pcd(path)
+
+
+def test_a_field_of_a_billion_values_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "points.pcd"
+    write_pcd(path, b"", points=0, encoding="binary", counts="1 1 1 1000000000")
+    with pytest.raises(InputError, match="COUNT is not from 1 to 4096"):
+        cloud_files.read_foreign_pcd(path)
+
+
+def test_words_in_place_of_numbers_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "points.pcd"
+    write_pcd(path, b"1 2 nothing 3\n", points=1, encoding="ascii")
+    with pytest.raises(InputError, match="not a point cloud"):
+        cloud_files.read_foreign_pcd(path)
