@@ -3,7 +3,8 @@
 AdvercityError
 ├── InputError      the input is not valid: a declaration, a spec, an option (exit code 2)
 └── RunError        a run failed: simulator, renderer, disk, machine (exit code 1)
-    └── BackendError    a rendering backend is missing, broken or has no device
+    ├── BackendError    a rendering backend is missing, broken or has no device
+    └── StagingError    traffic does not let a staged conflict happen, and never will
 """
 
 import errno
@@ -44,6 +45,10 @@ class RunError(AdvercityError):
 
 class BackendError(RunError):
     """A rendering backend is missing, does not import, or finds no device."""
+
+
+class StagingError(RunError):
+    """The traffic of a spec does not let a staged conflict happen; another run does not help."""
 
 
 def describe_cause(error: OSError) -> str:

@@ -1,21 +1,26 @@
 """Stage a conflict in every map that is named, and print a table.
 
-    python benchmarks/towns.py MAPS... [--attempts N] [--cells N]
+    python benchmarks/towns.py MAPS... [--conflicts NAME...] [--seeds N...] [--attempts N]
+        [--cells N]
 
-Of each map, the junctions with most conflicts are tried in turn, with the surest conflict of each
-first and `ltap_od_ego_turns` next, as `advercity compile --settle` does it, until one happens as
-declared.
+The junctions with most conflicts are tried in turn, each with the named conflicts, as
+`advercity compile --settle` does it, until one happens as declared with the first seed. The other
+seeds are then tried with it. Without `--conflicts`, those between motor vehicles are tried, in the
+order of their names.
 """
 
 import argparse
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import yaml
+from advercity_dsl import Conflict
 
 from advercity.compiler.crossing import compile_library
+from advercity.compiler.library import load_library
 from advercity.compiler.map_suggestions import (
     JunctionSuggestion,
     MapSource,
@@ -29,68 +34,104 @@ from advercity.errors import AdvercityError
 from advercity.pipeline.traffic_report import find_traffic_problems
 
 SOURCES: dict[str, MapSource] = {".osm": "osm", ".xodr": "opendrive"}
-RECIPE = "ltap_od_ego_turns"
-"""Conflict of the guide `import_your_town`, which is tried where there is room for it."""
-HEADER = "| map | junctions | of four arms | staged | at | traffic seed | simulations | minutes |"
+UNPROTECTED = {"pedestrian", "bicycle"}
+HEADER = "| map | junctions | of four arms | staged | at | seeds | simulations | minutes |"
 
 
-def stage_first(file: Path, cells: int, attempts: int) -> str:
-    """Stage a conflict in a map; the row of the table."""
-    began_s = time.monotonic()
-    try:
-        found = suggest_conflicts(file, SOURCES[file.suffix])
-    except AdvercityError as error:
-        return f"| {file.stem} | | | no: {_shorten(str(error))} | | | | |"
-    crossings = sum(item.arms.count("(") > 3 for item in found.junctions)
-    head = f"| {file.stem} | {len(found.junctions)} | {crossings} |"
-    why, simulations = "nothing has a place", 0
-    for junction, conflict in list(_iterate_cells(found))[:cells]:
-        lines: list[str] = []
+@dataclass
+class TownTrial:
+    """A map in which conflicts are staged.
+
+    Attributes:
+        file: The map.
+        attempts: Number of simulations of a conflict at a junction and with a seed.
+        simulations: Number of simulations so far.
+    """
+
+    file: Path
+    attempts: int
+    simulations: int = 0
+    reasons: list[str] = field(default_factory=list[str])
+
+    def stage_first(self, wanted: Sequence[str], seeds: Sequence[int], cells: int) -> str:
+        """Stage one of the wanted conflicts; the row of the table."""
+        began_s = time.monotonic()
         try:
-            settled = _settle(file, found, junction, conflict, attempts, lines)
+            found = suggest_conflicts(self.file, SOURCES[self.file.suffix])
         except AdvercityError as error:
-            why = f"{conflict} at {junction.junction}: {_shorten(str(error))}"
-            simulations += len(lines)
-            continue
-        simulations += len(lines)
+            return f"| {self.file.stem} | | | no: {_shorten(str(error))} | | | | |"
+        crossings = sum(item.arms.count("(") > 3 for item in found.junctions)
+        staged = "no: no junction has room for one | | "
+        for junction, conflict in list(iterate_cells(found.junctions, wanted))[:cells]:
+            happened = self._count_seeds(found, junction, conflict, seeds)
+            if happened:
+                where = f"{junction.junction} ({junction.control})"
+                staged = f"{conflict} | {where} | {happened} of {len(seeds)}"
+                break
+            staged = f"no: {self.reasons[0]} | | 0 of {len(seeds)}"
         minutes = (time.monotonic() - began_s) / 60
-        where = f"{junction.junction} ({junction.control})"
-        return f"{head} {conflict} | {where} | {settled} | {simulations} | {minutes:.1f} |"
-    return f"{head} no: {why} | | | {simulations} | {(time.monotonic() - began_s) / 60:.1f} |"
+        head = f"| {self.file.stem} | {len(found.junctions)} | {crossings} |"
+        return f"{head} {staged} | {self.simulations} | {minutes:.1f} |"
+
+    def _count_seeds(
+        self,
+        found: MapSuggestions,
+        junction: JunctionSuggestion,
+        conflict: str,
+        seeds: Iterable[int],
+    ) -> int:
+        """Count the seeds with which a conflict happens; 0 if it does not with the first."""
+        happened = 0
+        for seed in seeds:
+            lines: list[str] = []
+            try:
+                self._settle(found, junction, conflict, seed, lines)
+                happened += 1
+            except AdvercityError as error:
+                self.reasons.append(f"{conflict} at {junction.junction}: {_shorten(str(error))}")
+            self.simulations += len(lines)
+            if not happened:
+                break
+        return happened
+
+    def _settle(
+        self,
+        found: MapSuggestions,
+        junction: JunctionSuggestion,
+        conflict: str,
+        seed: int,
+        lines: list[str],
+    ) -> None:
+        """Compile one conflict at one junction, with a first seed of the traffic."""
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            list(write_suggestions(found, self.file, folder))
+            road = yaml.safe_load((folder / f"{junction.road}.yaml").read_text())
+            road["at_junction"]["junction"] = [junction.junction]
+            suite = yaml.safe_load((folder / "suite.yaml").read_text())
+            suite |= {"roads": [junction.road], "cross_conflicts": [conflict]}
+            suite["seeds"] = {"traffic": seed}
+            (folder / f"{junction.road}.yaml").write_text(yaml.safe_dump(road, sort_keys=False))
+            (folder / "suite.yaml").write_text(yaml.safe_dump(suite, sort_keys=False))
+            settler = Settler(find_traffic_problems, self.attempts, lines.append)
+            library = find_shipped_library()
+            compile_library(library, folder, suite=suite["id"], settler=settler)
 
 
-def _iterate_cells(found: MapSuggestions) -> Iterator[tuple[JunctionSuggestion, str]]:
-    for junction in found.junctions:
-        first = junction.conflicts[:1]
-        yield from ((junction, name) for name in first)
-        if RECIPE in junction.conflicts and RECIPE not in first:
-            yield junction, RECIPE
+def iterate_cells(
+    junctions: Iterable[JunctionSuggestion], wanted: Sequence[str]
+) -> Iterator[tuple[JunctionSuggestion, str]]:
+    """Yield junctions with wanted conflicts that they have room for, in the order of the wanted."""
+    for junction in junctions:
+        yield from ((junction, name) for name in wanted if name in junction.conflicts)
 
 
-def _settle(
-    file: Path,
-    found: MapSuggestions,
-    junction: JunctionSuggestion,
-    conflict: str,
-    attempts: int,
-    lines: list[str],
-) -> int:
-    """Compile one conflict at one junction; the traffic seed with which it happens."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        list(write_suggestions(found, file, folder))
-        road = yaml.safe_load((folder / f"{junction.road}.yaml").read_text())
-        road["at_junction"]["junction"] = [junction.junction]
-        suite = yaml.safe_load((folder / "suite.yaml").read_text())
-        suite |= {"roads": [junction.road], "cross_conflicts": [conflict]}
-        (folder / f"{junction.road}.yaml").write_text(yaml.safe_dump(road, sort_keys=False))
-        (folder / "suite.yaml").write_text(yaml.safe_dump(suite, sort_keys=False))
-        settler = Settler(find_traffic_problems, attempts, lines.append)
-        library = find_shipped_library()
-        specs = compile_library(library, folder, suite=suite["id"], settler=settler)
-    settled = specs[0].provenance.settled
-    assert settled is not None, "a settler records what it found"
-    return settled.traffic
+def list_conflicts_of_vehicles() -> list[str]:
+    """List the shipped conflicts between motor vehicles."""
+    declared = load_library(find_shipped_library()).get_declarations(Conflict)
+    return sorted(
+        name for name, item in declared.items() if not UNPROTECTED & {*item.actor.classes}
+    )
 
 
 def _shorten(text: str) -> str:
@@ -103,13 +144,16 @@ def main() -> None:
     """Print the row of each map as it is done."""
     parser = argparse.ArgumentParser(description="Stage a conflict in every map, and print a table")
     parser.add_argument("maps", nargs="+", type=Path)
+    parser.add_argument("--conflicts", nargs="+", default=list_conflicts_of_vehicles())
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1, 2, 3])
     parser.add_argument("--attempts", type=int, default=3, help="simulations of a conflict")
     parser.add_argument("--cells", type=int, default=4, help="conflicts that are tried in a map")
     asked = parser.parse_args()
     print(HEADER)
     print("|" + " --- |" * 8, flush=True)
     for file in asked.maps:
-        print(stage_first(file, asked.cells, asked.attempts), flush=True)
+        trial = TownTrial(file, asked.attempts)
+        print(trial.stage_first(asked.conflicts, asked.seeds, asked.cells), flush=True)
 
 
 if __name__ == "__main__":

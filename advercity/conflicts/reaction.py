@@ -21,7 +21,7 @@ from advercity.conflicts.trajectories import (
     compute_path_crossing,
     find_closest_approach,
 )
-from advercity.errors import RunError
+from advercity.errors import RunError, StagingError
 from advercity.frames import Trace
 from advercity.geometry.polyline import (
     StationedPolyline,
@@ -68,7 +68,7 @@ class EgoReaction:
     hidden_by: frozenset[int] = frozenset()
 
 
-class HeldUpActorError(RunError):
+class HeldUpActorError(StagingError):
     """Other traffic keeps an actor that the ego is to brake for from its path."""
 
 

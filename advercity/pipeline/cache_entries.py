@@ -35,6 +35,7 @@ IN_USE_S = 3600.0
 ENTRY_FILES = {
     "networks": "*/road.net.xml",
     "traces": "*.npz",
+    "refusals": "*.txt",
     "worlds": "*.npz",
     "bodies": "*.npz",
     "maps": "*.npz",

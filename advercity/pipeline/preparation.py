@@ -19,7 +19,8 @@ from advercity.conflicts.outcome import evaluate_outcomes
 from advercity.dataset.cloud_files import CloudEncoding
 from advercity.dataset.manifest import Identity, RendererIdentity
 from advercity.digests import compute_json_digest, compute_source_digest
-from advercity.errors import BackendError, InputError, RunError
+from advercity.documents import read_text
+from advercity.errors import BackendError, InputError, RunError, StagingError
 from advercity.frames import Trace
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.cache import (
@@ -74,21 +75,38 @@ def load_cached_trace(spec: Spec) -> Trace | None:
 def load_or_simulate_traffic(spec: Spec) -> TrafficResult:
     """Load the traffic of a spec from the cache, or simulate it now.
 
+    The cache also keeps that a conflict cannot be staged: all weathers share the traffic, and the
+    search for one that works is long.
+
     Raises:
         InputError: The spec asks for what its road does not have.
+        StagingError: A conflict of the spec cannot be staged.
         RunError: The simulation fails, or the cache cannot be written.
     """
+    refusal_entry = f"refusals/{compute_traffic_key(spec)}.txt"
+    refusal = load_entry(refusal_entry, read_text)
+    if refusal is not None:
+        raise StagingError(f"{spec.id}: {refusal}")
     network = load_or_build_entry(
         f"networks/{compute_road_key(spec)}/road.net.xml",
         lambda partial: _build_network_file(spec, partial),
         lambda path: path,
     )
-    trace = load_or_build_entry(
-        _name_trace_entry(spec),
-        lambda partial: write_simulated_trace(spec, network, partial),
-        Trace.load,
-    )
+    try:
+        trace = load_or_build_entry(
+            _name_trace_entry(spec),
+            lambda partial: write_simulated_trace(spec, network, partial),
+            Trace.load,
+        )
+    except StagingError as error:
+        reason = str(error).removeprefix(f"{spec.id}: ")
+        load_or_build_entry(refusal_entry, lambda partial: _write_text(partial, reason), read_text)
+        raise
     return TrafficResult(network, trace, trace.compute_sha256())
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
 
 
 def _name_trace_entry(spec: Spec) -> str:

@@ -28,7 +28,7 @@ from advercity.conflicts.reaction import (
 )
 from advercity.conflicts.schedule import ActorSchedule, DryRun, schedule_actors
 from advercity.conflicts.trajectories import build_lane_path, shift_laterally
-from advercity.errors import RunError
+from advercity.errors import StagingError
 from advercity.frames import Trace
 from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.lane_graph import LaneGraph, read_lane_graph
@@ -65,14 +65,14 @@ def simulate_with_dry_runs(spec: Spec, network: Path) -> Trace:
 
     Raises:
         InputError: The spec asks for something that the road does not have.
-        RunError: A conflict cannot be staged here, or actors overlap whatever is drawn.
+        StagingError: A conflict cannot be staged here, or actors overlap whatever is drawn.
     """
     runs = _DryRuns(spec, read_lane_graph(network), network)
     for _ in range(MAX_DRY_RUNS):
         trace = runs.run_next()
         if trace is not None:
             return trace
-    raise RunError(f"after {MAX_DRY_RUNS} dry runs {runs.reason}")
+    raise StagingError(f"after {MAX_DRY_RUNS} dry runs {runs.reason}")
 
 
 class _DryRuns:
@@ -99,7 +99,7 @@ class _DryRuns:
         """Run once more; the trace if all went as declared, else None, and the next run differs.
 
         Raises:
-            RunError: Nothing that could be changed would help.
+            StagingError: Nothing that could be changed would help.
         """
         spec, previous = self._spec, self._schedules
         demand = draw_demand(spec, self._graph, self._redraws)
@@ -196,9 +196,9 @@ class _DryRuns:
             # A staged actor cannot be redrawn: then what blocked before may have led to this.
             self._blockers = blockers or self._blockers
             if not self._blockers:
-                raise RunError(self.reason)
+                raise StagingError(self.reason)
         elif self._has_untriggered:
-            raise RunError(self.reason)
+            raise StagingError(self.reason)
         elif self._redraw_delaying_actors(demand, trace) or self._plan_reaction(demand, recording):
             return None
         else:

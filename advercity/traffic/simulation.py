@@ -8,13 +8,13 @@ from pathlib import Path
 
 from advercity_dsl import Spec, TrajectorySet
 
-from advercity.errors import InputError, RunError, report_temporary_errors
+from advercity.errors import InputError, RunError, StagingError, report_temporary_errors
 from advercity.frames import Trace
 from advercity.roads.mirrored_traffic import mirror_trace
 from advercity.roads.plan_frame import to_plan_spec
 from advercity.traffic.recorded_traffic import build_recorded_trace
 
-EXIT_BAD_INPUT, EXIT_FAILED = 2, 1
+EXIT_BAD_INPUT, EXIT_FAILED, EXIT_UNSTAGED = 2, 1, 3
 """Exit codes of the child process."""
 ERROR_MARK = "\x1e"
 """Precedes the child's own error on its standard error, where SUMO also writes."""
@@ -43,6 +43,7 @@ def write_simulated_trace(spec: Spec, network: Path, trace_file: Path) -> None:
 
     Raises:
         InputError: The spec asks for something that the road does not have.
+        StagingError: A conflict cannot be staged.
         RunError: SUMO failed, or the ego does not get to its destination.
     """
     _write_plan_trace(to_plan_spec(spec), network, trace_file)
@@ -69,7 +70,8 @@ def _write_plan_trace(spec: Spec, network: Path, trace_file: Path) -> None:
     if completed.returncode == EXIT_BAD_INPUT:
         raise InputError(*f"{spec.id}: {_get_error(completed)}".splitlines())
     if completed.returncode != 0:
-        raise RunError(f"{spec.id}: traffic simulation failed: {_format_failure(completed)}")
+        kind = StagingError if completed.returncode == EXIT_UNSTAGED else RunError
+        raise kind(f"{spec.id}: traffic simulation failed: {_format_failure(completed)}")
 
 
 def _format_failure(completed: subprocess.CompletedProcess[str]) -> str:

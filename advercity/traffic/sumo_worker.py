@@ -12,10 +12,20 @@ from pathlib import Path
 from advercity_dsl import Spec
 
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_text
-from advercity.errors import AdvercityError, InputError, explain_system_error
+from advercity.errors import (
+    AdvercityError,
+    InputError,
+    StagingError,
+    explain_system_error,
+)
 from advercity.processes import end_with_parent
 from advercity.traffic.dry_run import simulate_with_dry_runs
-from advercity.traffic.simulation import ERROR_MARK, EXIT_BAD_INPUT, EXIT_FAILED
+from advercity.traffic.simulation import (
+    ERROR_MARK,
+    EXIT_BAD_INPUT,
+    EXIT_FAILED,
+    EXIT_UNSTAGED,
+)
 
 
 def main(spec_file: str, network_file: str, trace_file: str) -> None:
@@ -31,7 +41,8 @@ if __name__ == "__main__":
         main(*sys.argv[2:])
     except AdvercityError as error:
         sys.stderr.write(f"{ERROR_MARK}{error}")
-        sys.exit(EXIT_BAD_INPUT if isinstance(error, InputError) else EXIT_FAILED)
+        codes = {InputError: EXIT_BAD_INPUT, StagingError: EXIT_UNSTAGED}
+        sys.exit(next((codes[kind] for kind in codes if isinstance(error, kind)), EXIT_FAILED))
     except (OSError, MemoryError) as error:
         sys.stderr.write(str(explain_system_error(error)))
         sys.exit(EXIT_FAILED)

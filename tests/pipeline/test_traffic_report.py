@@ -16,7 +16,7 @@ from advercity.compiler import write_specs
 from advercity.conflicts.achieved_parameters import measure_parameters
 from advercity.conflicts.metrics import ActorTrack
 from advercity.conflicts.outcome import ConflictOutcome, evaluate_outcomes
-from advercity.errors import InputError, RunError
+from advercity.errors import InputError, RunError, StagingError
 from advercity.frames import STATE_DTYPE, Actor, Trace
 from advercity.pipeline import RunOptions, preparation
 from advercity.pipeline.preparation import TrafficResult, load_or_simulate_traffic
@@ -123,6 +123,40 @@ def test_a_run_refuses_a_scenario_whose_conflict_does_not_happen(
     (missed,) = allowed.identity.missed_conflicts
     assert "is not below 0.01 s" in missed
     assert not preparation.prepare_scenario(spec, options).identity.missed_conflicts
+
+
+@pytest.mark.sumo
+def test_traffic_that_cannot_be_staged_is_simulated_once_for_all_weathers(
+    specs: dict[str, Spec], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("ADVERCITY_CACHE", str(tmp_path))
+    clear, fog = (
+        spec.model_copy(update={"timing": spec.timing.model_copy(update={"max_ticks": 65})})
+        for spec in (specs["unj_clear_day_sparse"], specs["unj_fog_day_sparse"])
+    )
+    simulate = Mock(side_effect=preparation.write_simulated_trace)
+    monkeypatch.setattr(preparation, "write_simulated_trace", simulate)
+    for spec in (clear, fog, clear):
+        with pytest.raises(StagingError, match=f"^{spec.id}: traffic .*raise timing.max_ticks"):
+            load_or_simulate_traffic(spec)
+    assert simulate.call_count == 1
+
+    longer = clear.timing.model_copy(update={"max_ticks": 66})
+    with pytest.raises(StagingError, match="max_ticks 66"):
+        load_or_simulate_traffic(clear.model_copy(update={"timing": longer}))
+
+
+@pytest.mark.sumo
+def test_a_simulation_that_breaks_is_tried_again(
+    specs: dict[str, Spec], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("ADVERCITY_CACHE", str(tmp_path))
+    simulate = Mock(side_effect=RunError("no space left on device"))
+    monkeypatch.setattr(preparation, "write_simulated_trace", simulate)
+    for _ in range(2):
+        with pytest.raises(RunError, match="no space left"):
+            load_or_simulate_traffic(shortened(specs["unj_clear_day_sparse"]))
+    assert simulate.call_count == 2
 
 
 def crossing(offset_s: float, *, below_s: float = 3.0) -> tuple[StagedConflict, OutcomeCriteria]:
