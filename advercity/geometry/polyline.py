@@ -4,6 +4,7 @@ A station is a distance along a line from its start, in metres. Headings are rad
 counter-clockwise from east, and all directions are of the (x, y) plane.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -147,3 +148,31 @@ def offset_polyline(line: Points, lateral_m: float) -> Points:
     middle = before + after
     squared = np.maximum((middle**2).sum(axis=1, keepdims=True), 4 / MITRE_LIMIT**2)
     return np.column_stack([line[:, :2] + lateral_m * 2 * middle / squared, line[:, 2]])
+
+
+def simplify_together(lines: Sequence[Points], max_error_m: float) -> NDArray[np.int64]:
+    """Choose the points (indices) of lines (n, 3) that keep all of them within an error.
+
+    The lines have their points at the same places along one line (Douglas and Peucker's way).
+    """
+    if not lines:
+        return np.zeros(0, dtype=np.int64)
+    stacked = np.stack(lines, axis=1)
+    middle = stacked.mean(axis=1)
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1))])
+    kept = np.zeros(len(along), dtype=bool)
+    kept[[0, -1]] = True
+    pending = [(0, len(along) - 1)]
+    while pending:
+        first, last = pending.pop()
+        if last - first < 2:
+            continue
+        share = (along[first + 1 : last] - along[first]) / max(along[last] - along[first], 1e-9)
+        straight = stacked[first] + share[:, None, None] * (stacked[last] - stacked[first])
+        errors = np.linalg.norm(stacked[first + 1 : last] - straight, axis=2).max(axis=1)
+        worst = int(errors.argmax())
+        if errors[worst] > max_error_m:
+            middle_index = first + 1 + worst
+            kept[middle_index] = True
+            pending += [(first, middle_index), (middle_index, last)]
+    return np.flatnonzero(kept)

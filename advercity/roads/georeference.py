@@ -81,6 +81,30 @@ def parse_projection(text: str) -> Projection | None:
         return None
 
 
+def find_utm_zone(latitude_deg: float, longitude_deg: float) -> Projection:
+    """Find the projection of the UTM zone of a place, without the exceptions around Norway."""
+    zone = int((longitude_deg + 180) // ZONE_WIDTH_DEG) % len(ZONES) + 1
+    north_m = UTM_FALSE_NORTHING_M if latitude_deg < 0 else 0.0
+    return Projection(0.0, zone * ZONE_WIDTH_DEG - 183, UTM_SCALE, (UTM_FALSE_EASTING_M, north_m))
+
+
+def project(projection: Projection, latitude_deg: float, longitude_deg: float) -> Point2:
+    """Compute the easting and northing of a place."""
+    conformal = _compute_conformal_latitude(math.radians(latitude_deg))
+    turned = math.radians(longitude_deg - projection.longitude_deg)
+    xi = math.atan2(math.tan(conformal), math.cos(turned))
+    eta = math.asinh(math.sin(turned) / math.hypot(math.tan(conformal), math.cos(turned)))
+    terms = [(2 * index, value) for index, value in enumerate(_forward(), start=1)]
+    north = xi + sum(v * math.sin(k * xi) * math.cosh(k * eta) for k, v in terms)
+    east = eta + sum(v * math.cos(k * xi) * math.sinh(k * eta) for k, v in terms)
+    radius_m = RECTIFYING_RADIUS_M * projection.scale
+    begins = _compute_rectifying_latitude(math.radians(projection.latitude_deg))
+    return (
+        projection.false_m[0] + radius_m * east,
+        projection.false_m[1] + radius_m * (north - begins),
+    )
+
+
 def locate(projection: Projection, east_m: float, north_m: float) -> GlobePlace:
     """Compute the place of projected coordinates."""
     radius_m = RECTIFYING_RADIUS_M * projection.scale
@@ -105,7 +129,7 @@ def locate(projection: Projection, east_m: float, north_m: float) -> GlobePlace:
 
 
 def locate_origin(
-    projection: str,
+    projection: str | Projection,
     east_m: float,
     north_m: float,
     *,
@@ -115,7 +139,7 @@ def locate_origin(
     """Locate the world's origin by the projection that a map declares.
 
     Args:
-        projection: PROJ string or EPSG code.
+        projection: Projection, or its PROJ string or EPSG code.
         east_m: Easting of the origin in the projection.
         north_m: Northing of the origin.
         altitude_m: Height that the map gives its origin.
@@ -124,7 +148,7 @@ def locate_origin(
     Returns:
         The place; None if the projection is another one or none, or the place is not on the globe.
     """
-    parsed = parse_projection(projection)
+    parsed = parse_projection(projection) if isinstance(projection, str) else projection
     if parsed is None:
         return None
     try:
@@ -161,9 +185,7 @@ def _find_utm(code: int) -> Projection | None:
 def _build_utm(zone: int, *, is_south: bool) -> Projection | None:
     if zone not in ZONES:
         return None
-    meridian_deg = zone * ZONE_WIDTH_DEG - 183
-    north_m = UTM_FALSE_NORTHING_M if is_south else 0.0
-    return Projection(0.0, meridian_deg, UTM_SCALE, (UTM_FALSE_EASTING_M, north_m))
+    return find_utm_zone(-1.0 if is_south else 1.0, zone * ZONE_WIDTH_DEG - 183)
 
 
 def _forward() -> tuple[float, ...]:

@@ -3,7 +3,13 @@
 import pytest
 
 from advercity.geometry.geodesy import Geodetic, geodetic_from_enu
-from advercity.roads.georeference import choose_origin, locate, parse_projection
+from advercity.roads.georeference import (
+    choose_origin,
+    find_utm_zone,
+    locate,
+    parse_projection,
+    project,
+)
 
 
 @pytest.mark.parametrize(
@@ -31,6 +37,18 @@ def test_projected_coordinates_are_where_proj_has_them(
 
     assert place.longitude_deg == pytest.approx(longitude_deg, abs=1e-9)
     assert place.latitude_deg == pytest.approx(latitude_deg, abs=1e-9)
+    found = project(projection, latitude_deg, longitude_deg)
+    assert found == pytest.approx((east_m, north_m), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("latitude_deg", "longitude_deg", "code"),
+    [(49.0, 8.42, "epsg:32632"), (-33.9, 151.2, "epsg:32756"), (0.0, -180.0, "epsg:32601")],
+)
+def test_a_place_is_in_the_utm_zone_of_its_longitude(
+    latitude_deg: float, longitude_deg: float, code: str
+) -> None:
+    assert find_utm_zone(latitude_deg, longitude_deg) == parse_projection(code)
 
 
 def test_a_map_s_axes_are_turned_by_the_meridian_convergence() -> None:

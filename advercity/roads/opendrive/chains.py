@@ -4,12 +4,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from advercity.geometry.polyline import Points
-from advercity.roads.opendrive.lane_types import LaneUse
-from advercity.roads.opendrive.lanes import LaneRibbon, Stretch
+from advercity.geometry.polyline import Points, simplify_together
+from advercity.roads.opendrive.lanes import Stretch
 from advercity.roads.opendrive.links import EndGroups, EndLink, StretchEnd
+from advercity.roads.plain_edges import PlainLane
 
 MAX_ERROR_M = 0.01
 """Largest distance between a border and its polyline."""
@@ -17,22 +16,14 @@ MAX_JOIN_GAP_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class StreetLane:
+class StreetLane(PlainLane):
     """A lane of a street; its borders are in the direction of the street.
 
     Attributes:
-        use: Who may use it.
-        speed_m_s: Its limit.
         goes_along: Whether its traffic goes in the direction of the street.
-        left: Left border (n, 3).
-        right: Right border (n, 3).
     """
 
-    use: LaneUse
-    speed_m_s: float
     goes_along: bool
-    left: Points
-    right: Points
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,11 +106,11 @@ def _continues(link: EndLink, stretches: Sequence[Stretch]) -> bool:
     )
 
 
-def _is_same(one: LaneRibbon, other: LaneRibbon) -> bool:
+def _is_same(one: PlainLane, other: PlainLane) -> bool:
     return one.use == other.use and one.speed_m_s == other.speed_m_s
 
 
-def _gap_m(one: LaneRibbon, end: StretchEnd, other: LaneRibbon, opposite: StretchEnd) -> float:
+def _gap_m(one: PlainLane, end: StretchEnd, other: PlainLane, opposite: StretchEnd) -> float:
     first = np.stack([line[0 if end.contact == "start" else -1] for line in (one.left, one.right)])
     lines = (other.left, other.right)
     if end.contact == opposite.contact:
@@ -166,31 +157,3 @@ def _build_street(stretches: Sequence[Stretch], chain: list[StretchEnd]) -> Stre
         for place, (lane_id, ribbon) in enumerate(ordered)
     )
     return Street(first.road.name, first.road.id, chain[0], chain[-1].opposite, lanes, places)
-
-
-def simplify_together(lines: Sequence[Points], max_error_m: float) -> NDArray[np.int64]:
-    """Choose the points (indices) of lines (n, 3) that keep all of them within an error.
-
-    The lines have their points at the same places along one line (Douglas and Peucker's way).
-    """
-    if not lines:
-        return np.zeros(0, dtype=np.int64)
-    stacked = np.stack(lines, axis=1)
-    middle = stacked.mean(axis=1)
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1))])
-    kept = np.zeros(len(along), dtype=bool)
-    kept[[0, -1]] = True
-    pending = [(0, len(along) - 1)]
-    while pending:
-        first, last = pending.pop()
-        if last - first < 2:
-            continue
-        share = (along[first + 1 : last] - along[first]) / max(along[last] - along[first], 1e-9)
-        straight = stacked[first] + share[:, None, None] * (stacked[last] - stacked[first])
-        errors = np.linalg.norm(stacked[first + 1 : last] - straight, axis=2).max(axis=1)
-        worst = int(errors.argmax())
-        if errors[worst] > max_error_m:
-            middle_index = first + 1 + worst
-            kept[middle_index] = True
-            pending += [(first, middle_index), (middle_index, last)]
-    return np.flatnonzero(kept)

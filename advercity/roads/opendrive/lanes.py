@@ -9,7 +9,7 @@ import numpy as np
 from advercity.errors import InputError
 from advercity.geometry.polyline import Points
 from advercity.roads.opendrive.document import Lane, LaneSection, Road, SpeedLimit
-from advercity.roads.opendrive.lane_types import LANE_USES, LaneUse
+from advercity.roads.opendrive.lane_types import LANE_USES
 from advercity.roads.opendrive.profiles import (
     Profile,
     Values,
@@ -17,6 +17,7 @@ from advercity.roads.opendrive.profiles import (
     evaluate_profile,
 )
 from advercity.roads.opendrive.reference_line import sample_offset_points
+from advercity.roads.plain_edges import PlainLane
 
 STEP_M = 0.5
 """Largest distance between stations; points that are not needed are dropped afterwards."""
@@ -25,23 +26,6 @@ MIN_LENGTH_M = 0.01
 MIN_WIDTH_M = 0.05
 """A lane that is nowhere wider is not there."""
 MAX_WIDTH_M = 60.0
-
-
-@dataclass(frozen=True, eq=False)
-class LaneRibbon:
-    """A lane between its borders.
-
-    Attributes:
-        use: Who may use it.
-        speed_m_s: Its limit.
-        left: Left border (n, 3), in the direction of the stations.
-        right: Right border (n, 3).
-    """
-
-    use: LaneUse
-    speed_m_s: float
-    left: Points
-    right: Points
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +42,7 @@ class Stretch:
     road: Road
     section: LaneSection
     stations_m: Values
-    ribbons: dict[int, LaneRibbon]
+    ribbons: dict[int, PlainLane]
 
 
 def build_stretches(road: Road) -> Iterator[Stretch]:
@@ -86,7 +70,7 @@ def _build_stretch(road: Road, section: LaneSection, first_m: float, last_m: flo
     borders_m = _compute_borders(road, section, stations)
     points = sample_offset_points(road, stations, borders_m)
     _level_lanes(points, section, ids)
-    ribbons: dict[int, LaneRibbon] = {}
+    ribbons: dict[int, PlainLane] = {}
     for index, lane_id in enumerate(ids):
         lane = section.lanes[lane_id]
         use = LANE_USES.get(lane.type)
@@ -102,7 +86,7 @@ def _build_stretch(road: Road, section: LaneSection, first_m: float, last_m: flo
         if speed is None and not use.is_walked:
             speed = _find_limit(road.speeds, first_m)
         left, right = points[:, index], points[:, index + 1]
-        ribbons[lane_id] = LaneRibbon(use, speed or use.speed_m_s, left, right)
+        ribbons[lane_id] = PlainLane(use, speed or use.speed_m_s, left, right)
     return Stretch(road, section, stations, ribbons)
 
 

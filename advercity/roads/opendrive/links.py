@@ -9,7 +9,8 @@ import numpy as np
 
 from advercity.geometry.polyline import Points
 from advercity.roads.opendrive.document import Contact, OpenDriveMap, Road
-from advercity.roads.opendrive.lanes import LaneRibbon, Stretch
+from advercity.roads.opendrive.lanes import Stretch
+from advercity.roads.plain_edges import PlainLane
 
 MAX_GAP_M = 0.5
 """Largest distance between the middles of two lanes that lead into each other without saying so."""
@@ -118,7 +119,7 @@ def _list_declared(stretch: Stretch, lane: int, contact: Contact) -> tuple[int, 
     return found.predecessors if contact == "start" else found.successors
 
 
-def _end_middle(ribbon: LaneRibbon, contact: Contact) -> Points:
+def _end_middle(ribbon: PlainLane, contact: Contact) -> Points:
     index = 0 if contact == "start" else -1
     return (ribbon.left[index, :2] + ribbon.right[index, :2]) / 2
 

@@ -1,7 +1,7 @@
 """Edges and nodes of an OpenDRIVE map, and the lanes that lead into each other."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -144,8 +144,8 @@ def _split_directions(street: Street, number: int) -> Iterator[tuple[str, Direct
 
 
 def _turn(lane: StreetLane) -> StreetLane:
-    return StreetLane(
-        lane.use, lane.speed_m_s, not lane.goes_along, lane.right[::-1], lane.left[::-1]
+    return replace(
+        lane, goes_along=not lane.goes_along, left=lane.right[::-1], right=lane.left[::-1]
     )
 
 

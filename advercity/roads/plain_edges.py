@@ -1,0 +1,161 @@
+"""Nodes, edges and connections of SUMO's plain XML, from lanes with their borders in space."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+import shapely
+
+from advercity.geometry.polyline import (
+    Points,
+    drop_repeated_points,
+    offset_polyline,
+    polyline_length,
+    polyline_stations,
+)
+from advercity.roads.lane_uses import LaneUse
+from advercity.roads.map_plan import LaneLines
+from advercity.roads.sumo_xml import format_metres, format_shape
+
+BORDER_TOLERANCE_M = 0.005
+"""Borders that SUMO's line and width give as exactly are not written."""
+EDGE_PRIORITY = 1
+TOUCH_M = 0.02
+"""Half the thickness of a node where streets touch."""
+LaneKey = tuple[str, int]
+"""Edge and index of a lane."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlainLane:
+    """A lane between its borders.
+
+    Attributes:
+        use: Who may use it.
+        speed_m_s: Its limit.
+        left: Left border (n, 3).
+        right: Right border (n, 3), a point beside each of the left one.
+    """
+
+    use: LaneUse
+    speed_m_s: float
+    left: Points
+    right: Points
+
+    @property
+    def centre(self) -> Points:
+        """Its middle (n, 3)."""
+        return (self.left + self.right) / 2
+
+    @property
+    def usual_width_m(self) -> float:
+        """The width that half of it is wider than."""
+        stations = polyline_stations(self.centre)
+        widths = np.linalg.norm(self.left - self.right, axis=1)
+        even = np.linspace(0.0, stations[-1], 101)
+        return max(float(np.median(np.interp(even, stations, widths))), 0.1)
+
+    @property
+    def has_plain_borders(self) -> bool:
+        """Whether its middle and its usual width give its borders."""
+        centre, half = self.centre, self.usual_width_m / 2
+        if len(drop_repeated_points(centre[:, :2])) < len(centre):
+            return False
+        sides = ((self.left, half), (self.right, -half))
+        gaps = [np.abs(offset_polyline(centre, aside) - line).max() for line, aside in sides]
+        return max(gaps) < BORDER_TOLERANCE_M
+
+
+def add_node(
+    root: Element, name: str, kind: str, corners: Sequence[Points], *, is_crossed: bool
+) -> Element:
+    """Add a node around the corners (3,) of lanes; where none is crossed, streets only touch."""
+    middle = np.mean(corners, axis=0)
+    place = {axis: format_metres(value) for axis, value in zip("xyz", middle, strict=True)}
+    item = SubElement(root, "node", {"id": name, "type": kind, **place})
+    # Without an outline netconvert cuts metres off the lanes to make room for one.
+    hull = shapely.MultiPoint(np.array(corners)[:, :2]).convex_hull
+    if not is_crossed:
+        hull = shapely.buffer(hull, TOUCH_M, cap_style="flat", join_style="mitre")
+    if isinstance(hull, shapely.Polygon):
+        item.set("shape", format_shape(shapely.get_coordinates(hull)[:-1]))
+    return item
+
+
+def add_edge(
+    root: Element,
+    name: str,
+    ends: tuple[str, str],
+    lanes: Sequence[PlainLane],
+    priority: int = EDGE_PRIORITY,
+) -> None:
+    """Add an edge between two nodes, with its lanes from the right."""
+    driven = [polyline_length(lane.centre) for lane in lanes if not lane.use.is_closed]
+    length_m = float(np.mean(driven or [polyline_length(lanes[0].centre)]))
+    attributes = {
+        "id": name,
+        "from": ends[0],
+        "to": ends[1],
+        "priority": str(priority),
+        "speed": format_metres(max(lane.speed_m_s for lane in lanes)),
+        "length": format_metres(max(length_m, 0.1)),
+        "numLanes": str(len(lanes)),
+        "spreadType": "right",
+        "shape": format_shape(lanes[-1].left),
+    }
+    item = SubElement(root, "edge", attributes)
+    for index, lane in enumerate(lanes):
+        permission, classes = lane.use.permission
+        values = {
+            "index": str(index),
+            permission: classes,
+            "speed": format_metres(lane.speed_m_s),
+            "width": format_metres(lane.usual_width_m),
+            "shape": format_shape(lane.centre),
+            "type": lane.use.paving,
+        }
+        SubElement(item, "lane", values)
+
+
+def list_lane_lines(name: str, lanes: Iterable[PlainLane]) -> Iterator[tuple[str, LaneLines]]:
+    """List the lines of an edge's lanes by SUMO's id."""
+    for index, lane in enumerate(lanes):
+        borders = () if lane.has_plain_borders else (lane.left, lane.right)
+        yield f"{name}_{index}", LaneLines(lane.centre, borders)
+
+
+def build_connections(
+    paths: Iterable[tuple[LaneKey, LaneKey, Points | None]],
+    edges: Iterable[str],
+    uncrossed: Iterable[str],
+) -> Element:
+    """Build the document of connections.
+
+    Args:
+        paths: The lane that each leaves, the lane that it enters, and its middle (n, 3) if it
+            leads through a junction; of equal ones, the first is taken.
+        edges: Names of all edges.
+        uncrossed: Names of the nodes where pedestrians cross nothing.
+    """
+    root = Element("connections")
+    connected: set[str] = set()
+    seen: set[tuple[LaneKey, LaneKey]] = set()
+    for origin, target, centre in paths:
+        if origin[0] == target[0] or (origin, target) in seen:
+            continue
+        seen.add((origin, target))
+        connected.add(origin[0])
+        values = {"from": origin[0], "to": target[0]}
+        values |= {"fromLane": str(origin[1]), "toLane": str(target[1])}
+        line = None if centre is None else drop_repeated_points(centre)
+        if line is not None and len(line) > 1:
+            values["shape"] = format_shape(line)
+        SubElement(root, "connection", values)
+    # netconvert invents connections for edges that have none, unless it is told so.
+    for name in edges:
+        if name not in connected:
+            SubElement(root, "connection", {"from": name})
+    for name in uncrossed:
+        SubElement(root, "crossing", {"node": name, "discard": "true"})
+    return root
