@@ -19,7 +19,7 @@ What is below an element that is left out is left out with it.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cache
@@ -37,6 +37,13 @@ ELEMENT = "."
 """Key of the element itself among its attributes."""
 LEFT_OUT = re.compile(r"left out(?: unless (?P<usual>[^:]*))?: (?P<name>.+)")
 REFUSED = re.compile(r"refuse: (?P<reason>.+)")
+Refuse = Callable[[Element, str], None]
+"""Takes an element that is refused, and the reason."""
+
+
+def raise_refusal(element: Element, reason: str) -> None:
+    """Raise an InputError with the line of an element that is refused."""
+    raise InputError(f"line {get_line(element)}: <{element.tag}>: {reason}")
 
 
 @dataclass(frozen=True)
@@ -51,13 +58,9 @@ class Standard:
     name: str
     elements: Mapping[str, Mapping[str, str]]
 
-    def audit(self, root: Element, ledger: Ledger) -> None:
-        """Record every part of a document that is left out.
-
-        Raises:
-            InputError: A part is refused.
-        """
-        self._audit_element(root, (root.tag,), ledger)
+    def audit(self, root: Element, ledger: Ledger, refuse: Refuse = raise_refusal) -> None:
+        """Record every part of a document that is left out, and refuse those that are refused."""
+        self._audit_element(root, (root.tag,), ledger, refuse)
 
     def audit_columns(self, layout: str, columns: Iterable[str], ledger: Ledger) -> None:
         """Record the columns of a table that are left out; its layout is a row of this standard."""
@@ -90,12 +93,15 @@ class Standard:
         names = ("/".join(tags[start:]) for start in range(len(tags)))
         return next((self.elements[name] for name in names if name in self.elements), None)
 
-    def _audit_element(self, element: Element, tags: tuple[str, ...], ledger: Ledger) -> None:
+    def _audit_element(
+        self, element: Element, tags: tuple[str, ...], ledger: Ledger, refuse: Refuse
+    ) -> None:
         row = self.find_row(tags)
         if row is None:
             _leave_out_unknown("element", f"<{_shorten(element.tag)}>", element, ledger)
             return
-        if apply_disposition(row.get(ELEMENT, "read"), element.text or "", element, ledger):
+        known = row.get(ELEMENT, "read")
+        if apply_disposition(known, element.text or "", element, ledger, refuse):
             return
         for attribute, value in element.attrib.items():
             known = row.get(attribute)
@@ -103,9 +109,9 @@ class Standard:
                 name = f"{_shorten(element.tag)}@{_shorten(attribute)}"
                 _leave_out_unknown("attribute", name, element, ledger)
             else:
-                apply_disposition(known, value, element, ledger)
+                apply_disposition(known, value, element, ledger, refuse)
         for child in element:
-            self._audit_element(child, (*tags, child.tag), ledger)
+            self._audit_element(child, (*tags, child.tag), ledger, refuse)
 
 
 @cache
@@ -137,15 +143,18 @@ def _find_tag(row: Mapping[str, str], key: str, value: str) -> str | None:
     return row[max(patterns, key=len)] if patterns else None
 
 
-def apply_disposition(disposition: str, value: str, at: Element | int, ledger: Ledger) -> bool:
-    """Record a part of a file if it is left out, and return whether it is.
-
-    Raises:
-        InputError: The part is refused.
-    """
+def apply_disposition(
+    disposition: str,
+    value: str,
+    at: Element | int,
+    ledger: Ledger,
+    refuse: Refuse = raise_refusal,
+) -> bool:
+    """Record a part of a file if it is left out; return whether it is left out or refused."""
     refused = REFUSED.fullmatch(disposition)
     if refused and not isinstance(at, int):
-        raise InputError(f"line {get_line(at)}: <{at.tag}>: {refused['reason']}")
+        refuse(at, refused["reason"])
+        return True
     left_out = LEFT_OUT.fullmatch(disposition)
     if left_out is None or _is_usual(value.strip(), left_out["usual"]):
         return False

@@ -120,7 +120,7 @@ def _start_at_speed(name: str, speed_m_s: float) -> str:
             "<RelativeClearanceCondition>: such a condition is not read; write the time at which"
         ),
         _story(format_trajectory("Ego", f'<Vertex time="0">{LANE_PLACE}</Vertex>')): (
-            "<GeoPosition>: such a position is not read; these are: <WorldPosition>, <Relative"
+            "<GeoPosition>: such a position is not read; give it as a <WorldPosition>"
         ),
         _story(format_trajectory("Ego", TWO)).replace(f"<Polyline>{TWO}</Polyline>", NURBS): (
             "<Nurbs>: such a shape is not read; sample it as the vertices of a <Polyline>"

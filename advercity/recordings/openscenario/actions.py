@@ -187,25 +187,23 @@ def _parse_activation(scope: Scope, element: Element, catalogues: Catalogues) ->
         hint = "record the motion that it makes as a trajectory"
         scope.refuse(element, "a controller drives the entity", hint)
         return None
-    return _leave_out(scope, element, catalogues)
+    return _do_nothing(scope, element, catalogues)
 
 
-def _leave_out(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+def _do_nothing(scope: Scope, element: Element, catalogues: Catalogues) -> Action:
     """Parse an action that moves nobody: its event begins and ends with nothing."""
-    name, plural = LEFT_OUT[element.tag]
-    scope.findings.ledger.leave_out(name, plural=plural, at=element)
     return Action(element.tag, lambda mover, stage: None, is_private=False)
 
 
-LEFT_OUT: Mapping[str, tuple[str, str]] = {
-    "OverrideControllerValueAction": ("action on pedals", "actions on pedals"),
-    "VisibilityAction": ("action on visibility", "actions on visibility"),
-    "AppearanceAction": ("action on lamps or animations", "actions on lamps or animations"),
-    "EnvironmentAction": ("action on the environment", "actions on the environment"),
-    "InfrastructureAction": ("action on traffic lights", "actions on traffic lights"),
-    "SetMonitorAction": ("action on monitors", "actions on monitors"),
-}
-"""Actions that move nobody: name in the singular and plural."""
+MOVES_NOBODY = (
+    "OverrideControllerValueAction",
+    "VisibilityAction",
+    "AppearanceAction",
+    "EnvironmentAction",
+    "InfrastructureAction",
+    "SetMonitorAction",
+)
+"""Actions that are listed as left out."""
 ACTIONS: Mapping[str, Callable[[Scope, Element, Catalogues], Action | None]] = {
     "TeleportAction": _parse_teleport,
     "FollowTrajectoryAction": _parse_follow,
@@ -219,7 +217,7 @@ ACTIONS: Mapping[str, Callable[[Scope, Element, Catalogues], Action | None]] = {
     "VariableAction": _parse_value,
     "ActivateControllerAction": _parse_activation,
     "AssignControllerAction": _parse_activation,
-    **dict.fromkeys(LEFT_OUT, _leave_out),
+    **dict.fromkeys(MOVES_NOBODY, _do_nothing),
 }
 """Parsers by element; what is not here is refused."""
 

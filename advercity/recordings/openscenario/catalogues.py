@@ -1,6 +1,7 @@
 """Entries of catalogues, which are files in folders that a scenario names."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -9,6 +10,14 @@ from advercity.recordings.openscenario.document import Findings, Scope, Source, 
 
 MAX_CATALOGUE_FILES = 200
 """Files of all catalogues together."""
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """A catalogue: its file, without entries, and its entries by name."""
+
+    source: Source
+    entries: Mapping[str, Element]
 
 
 class Catalogues:
@@ -22,7 +31,8 @@ class Catalogues:
     def __init__(self, scope: Scope, root: Path) -> None:
         self._scope = scope
         self._root = root.resolve()
-        self._catalogues: dict[str, tuple[Source, Element]] | None = None
+        self._audited: set[Element] = set()
+        self._catalogues: dict[str, Catalogue] | None = None
 
     def find(self, scope: Scope, reference: Element) -> tuple[Scope, Element] | None:
         """Find the entry of a reference, with the parameters that it assigns.
@@ -38,26 +48,33 @@ class Catalogues:
             known = ", ".join(self._catalogues) or "none"
             scope.refuse(reference, f"there is no catalogue '{name[:40]}'", f"there are: {known}")
             return None
-        source, catalogue = found
-        element = next((item for item in catalogue if item.get("name") == entry), None)
+        element = found.entries.get(entry)
         if element is None:
-            scope.refuse(reference, f"{source.path.name} has no entry '{entry[:40]}'")
+            message = f"{found.source.path.name} has no entry '{entry[:40]}'"
+            scope.refuse(reference, message)
             return None
+        inner = Scope(found.source, {}, scope.findings)
+        for part in (found.source.root, element):
+            if part not in self._audited:
+                self._audited.add(part)
+                inner.audit(part)
         assigned = {
             item.get("parameterRef", ""): scope.get(item, "value", "")
             for item in reference.iterfind("ParameterAssignments/ParameterAssignment")
         }
-        return Scope(source, {}, scope.findings).nest(element, assigned), element
+        return inner.nest(element, assigned), element
 
-    def _open(self) -> dict[str, tuple[Source, Element]]:
-        found: dict[str, tuple[Source, Element]] = {}
+    def _open(self) -> dict[str, Catalogue]:
+        found: dict[str, Catalogue] = {}
         for count, path in enumerate(self._list_files()):
             if count >= MAX_CATALOGUE_FILES:
                 raise InputError(f"{path}: there are over {MAX_CATALOGUE_FILES} catalogue files")
             source = open_source(path)
             catalogue = source.root.find("Catalog")
             if catalogue is not None:
-                found.setdefault(catalogue.get("name", ""), (source, catalogue))
+                entries = {name: item for item in reversed(catalogue) if (name := item.get("name"))}
+                catalogue[:] = [item for item in catalogue if not item.get("name")]
+                found.setdefault(catalogue.get("name", ""), Catalogue(source, entries))
         return found
 
     def _list_files(self) -> Iterator[Path]:

@@ -327,7 +327,8 @@ def _parse_collision_time(scope: Scope, element: Element) -> EntityTest:
 
 
 def _parse_end_of_road(scope: Scope, element: Element) -> EntityTest:
-    return lambda mover, stage: mover.is_at_end
+    duration_s = scope.get_number(element, "duration")
+    return lambda mover, stage: mover.is_at_end and mover.standing_s >= duration_s - TOLERANCE
 
 
 ENTITY_CONDITIONS: Mapping[str, Callable[[Scope, Element], EntityTest]] = {

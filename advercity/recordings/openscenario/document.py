@@ -10,6 +10,7 @@ from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.documents import read_bytes
 from advercity.errors import InputError, describe_cause
 from advercity.foreign.ledger import Ledger
+from advercity.foreign.standards import load_standard
 from advercity.foreign.xml_documents import MAX_XML_BYTES, LocatedElement, parse_xml
 from advercity.recordings.openscenario.expressions import substitute
 
@@ -19,19 +20,21 @@ class Findings:
     """What is known of all files of a scenario.
 
     Attributes:
-        problems: What is wrong.
+        problems: The first problem of each element, by file, line and column.
         ledger: What is left out.
         entities: Names of the entities, moved or not.
     """
 
-    problems: list[Diagnostic] = field(default_factory=list[Diagnostic])
+    problems: dict[tuple[Path, int, int], Diagnostic] = field(
+        default_factory=dict[tuple[Path, int, int], Diagnostic]
+    )
     ledger: Ledger = field(default_factory=Ledger)
     entities: set[str] = field(default_factory=set[str])
 
     def raise_problems(self) -> None:
         """Raise DiagnosticsError if there are problems."""
         if self.problems:
-            raise DiagnosticsError(*self.problems)
+            raise DiagnosticsError(*self.problems.values())
 
 
 @dataclass(frozen=True)
@@ -67,16 +70,21 @@ class Scope:
         return Scope(self.source, known, self.findings)
 
     def refuse(self, element: Element, message: str, hint: str = "") -> None:
-        """Keep a problem of an element, to be raised with all others."""
+        """Keep the first problem of an element, to be raised with all others."""
         line, column = 0, 0
         if isinstance(element, LocatedElement):
             line, column = element.line, element.column
         text = self.source.lines[line - 1] if 0 < line <= len(self.source.lines) else ""
         width = len(element.tag) + 1
         path, name = self.source.path, f"<{element.tag}>"
-        self.findings.problems.append(
-            Diagnostic(path, line, column, name, message, hint, text, width)
+        self.findings.problems.setdefault(
+            (path, line, column),
+            Diagnostic(path, line, column, name, message, hint, text, width),
         )
+
+    def audit(self, element: Element) -> None:
+        """Refuse or list all in an element that cannot be, or is not, taken over."""
+        load_standard("openscenario").audit(element, self.findings.ledger, self.refuse)
 
     def get(self, element: Element, name: str, default: str | None = None) -> str:
         """Return an attribute, with parameters replaced by their values."""

@@ -37,12 +37,9 @@ def read_entities(scope: Scope, catalogues: Catalogues) -> Iterator[Entity]:
             continue
         inner, body = found
         if body.tag == "MiscObject":
-            name = "object that is no road user"
-            scope.findings.ledger.leave_out(name, plural="objects that are no road users", at=item)
             continue
         if body.tag not in ATTRIBUTES:
-            hint = "write the <Vehicle> or <Pedestrian> into the scenario"
-            scope.refuse(body, f"the body of '{name}' is not in this file", hint)
+            inner.refuse(body, f"is no body of '{name}'", "write a <Vehicle> or <Pedestrian>")
             continue
         category = inner.get(body, ATTRIBUTES[body.tag])
         if category not in CATEGORIES:

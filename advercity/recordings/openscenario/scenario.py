@@ -24,14 +24,6 @@ from advercity.recordings.openscenario.tracks import build_track, has_moved
 from advercity.recordings.tracks import Track
 from advercity.roads.opendrive.parsing import parse_opendrive
 
-LEFT_OUT = {
-    "RoadNetwork/TrafficSignals": "program of traffic lights",
-    "RoadNetwork/SceneGraphFile": "scene graph",
-    "Entities/ScenarioObject/ObjectController": "controller that is not activated",
-    "Entities/ScenarioObject/Vehicle/Trailer": "trailer",
-}
-"""Parts of a file that move nobody, by path."""
-
 
 @dataclass(frozen=True)
 class RecordedScenario:
@@ -70,15 +62,16 @@ def read_scenario(
     scope = start_scope(open_source(path), findings, parameters or {})
     _check_header(scope)
     findings.raise_problems()
+    scope.audit(scope.source.root)
     catalogues = Catalogues(scope, path.absolute().parent.parent if root is None else root)
     movers = {entity.name: Mover(entity) for entity in read_entities(scope, catalogues)}
     storyboard = StoryboardParser(scope, catalogues).parse()
     logic = scope.source.root.find("RoadNetwork/LogicFile")
     named = scope.get(logic, "filepath") if logic is not None else None
     findings.raise_problems()
-    _list_left_out(scope)
     opened = map_file or (path.parent / named if named else None)
-    stage = Stage(movers, _prepare_map(opened), scope, values=dict(scope.parameters))
+    values = {**_read_variables(scope), **scope.parameters}
+    stage = Stage(movers, _prepare_map(opened), scope, values=values)
     play(storyboard, stage)
     if not any(has_moved(mover) for mover in movers.values()):
         scope.refuse(scope.source.root, "no entity moves")
@@ -100,12 +93,9 @@ def _check_header(scope: Scope) -> None:
         scope.refuse(header, message, "versions 1.0 to 1.3 are read")
 
 
-def _list_left_out(scope: Scope) -> None:
-    """List what is beside the story."""
-    for tag, name in LEFT_OUT.items():
-        for item in scope.source.root.iterfind(tag):
-            if len(item) or item.attrib:
-                scope.findings.ledger.leave_out(name, at=item)
+def _read_variables(scope: Scope) -> dict[str, str]:
+    declared = scope.source.root.iterfind("VariableDeclarations/VariableDeclaration")
+    return {scope.get(item, "name"): scope.get(item, "value") for item in declared}
 
 
 def _prepare_map(path: Path | None) -> Callable[[], RoadMap | None]:

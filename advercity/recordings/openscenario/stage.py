@@ -146,7 +146,7 @@ class Stage:
     def fail(self, scope: Scope, element: Element, message: str, hint: str = "") -> NoReturn:
         """Raise DiagnosticsError for something that shows only while the scenario is played."""
         scope.refuse(element, message, hint)
-        raise DiagnosticsError(*scope.findings.problems)
+        raise DiagnosticsError(*scope.findings.problems.values())
 
     def find_mover(self, scope: Scope, element: Element, name: str) -> Mover:
         """Find an entity that must be somewhere."""
