@@ -28,6 +28,7 @@ from advercity_dsl.base import ID_HINT, suggest_name
 from advercity_dsl.road import Surrounding
 
 from advercity.compiler.agent_places import complete_routes, place_agents
+from advercity.compiler.camera_calibrations import CALIBRATIONS_FOLDER, apply_calibrations
 from advercity.compiler.distributions import Distributions, build_typical_weather
 from advercity.compiler.extends import (
     DeclarationKey,
@@ -56,6 +57,8 @@ from advercity.roads.junction_arms import MisplacedAgentError
 from advercity.roads.map_import import import_map
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
+NO_DECLARATIONS = (EXAMPLES_FOLDER, CALIBRATIONS_FOLDER)
+"""Folders whose files are not of the library."""
 MAX_FILES = 10_000
 GLB_MAGIC = b"glTF"
 
@@ -279,7 +282,9 @@ def _walk_folder(folder: Path, diagnostics: list[Diagnostic]) -> Iterator[Path]:
     count = 0
     for inside, folders, names in os.walk(folder, onerror=add_error):
         # os.walk descends into what is left of this list.
-        folders[:] = sorted(name for name in folders if name != EXAMPLES_FOLDER and name[0] != ".")
+        folders[:] = sorted(
+            name for name in folders if name not in NO_DECLARATIONS and name[0] != "."
+        )
         count += len(folders) + len(names)
         if count > MAX_FILES:
             message = f"holds more than {MAX_FILES} files and folders; is it a library folder?"
@@ -359,7 +364,7 @@ def _build_entries(name: DeclarationKey, documents: Documents) -> list[LibraryEn
     if model is Weather:
         return [_build_weather_entry(source)]
     if model is Rig:
-        source = apply_lidar_models(source, documents)
+        source = apply_calibrations(apply_lidar_models(source, documents))
     declaration = validate_model(model, source, previous=source.document.diagnostics)
     if isinstance(declaration, Road):
         roads, left_out = _complete_road(declaration, source)

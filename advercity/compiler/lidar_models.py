@@ -14,11 +14,11 @@ from advercity.compiler.extends import (
     merge_mappings,
     resolve_extends,
 )
+from advercity.compiler.rig_sensors import iterate_sensors
 from advercity.compiler.shipped_library import suggest_declaration
 from advercity.compiler.source import SourceDocument, iterate_values, replace_values
 from advercity.diagnostics import DiagnosticsError
 
-CARRIERS = ("vehicle", "roadside_unit")
 KIND = "lidar_model"
 MODEL_RATE_HZ = 10.0
 """Scans per second for which a model gives `azimuths`, unless it gives a rate of its own."""
@@ -54,14 +54,9 @@ def apply_lidar_models(rig: ResolvedDeclaration, documents: Documents) -> Resolv
 
 def _iterate_named(data: Any) -> Iterator[tuple[ValuePath, dict[str, Any]]]:
     """Yield the LiDARs of a rig's data that name a model, with their paths."""
-    for carrier in CARRIERS:
-        sensors = _get_mapping(data, carrier)
-        more = _get_mapping(sensors, "more_lidars")
-        found = [
-            ((carrier, "lidar"), _get_mapping(sensors, "lidar")),
-            *(((carrier, "more_lidars", name), _get_mapping(more, name)) for name in more),
-        ]
-        yield from ((path, lidar) for path, lidar in found if isinstance(lidar.get("model"), str))
+    for path, lidar in iterate_sensors(data, "lidar"):
+        if isinstance(lidar.get("model"), str):
+            yield path, lidar
 
 
 def _adapt_to_rate(figures: dict[str, Any], written: dict[str, Any]) -> dict[str, Any]:
@@ -78,12 +73,6 @@ def _adapt_to_rate(figures: dict[str, Any], written: dict[str, Any]) -> dict[str
     except ValidationError:
         return figures  # reported where it is given
     return figures | {"azimuths": round(beams * of_model / of_rig)} if of_rig else figures
-
-
-def _get_mapping(data: Any, key: str) -> dict[str, Any]:
-    """Return the mapping at a key, or an empty one; the data are not validated yet."""
-    value = cast(dict[str, Any], data).get(key) if isinstance(data, dict) else None
-    return cast(dict[str, Any], value) if isinstance(value, dict) else {}
 
 
 def _find_model(

@@ -6,7 +6,7 @@ Booleans and numbers follow YAML 1.2 (`on` is text, `1e-6` is a number).
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -45,6 +45,18 @@ class SourceDocument:
     def has_value(self, value_path: ValuePath) -> bool:
         """Return whether the document has a value at a path."""
         return value_path in self.positions
+
+    def select(self, value_path: ValuePath) -> "SourceDocument":
+        """Return the part of the document below a path, with its positions in the file."""
+        data = self.data
+        for name in value_path:
+            data = data[name]
+        size = len(value_path)
+        positions, key_positions = (
+            {path[size:]: place for path, place in places.items() if path[:size] == value_path}
+            for places in (self.positions, self.key_positions)
+        )
+        return replace(self, data=data, positions=positions, key_positions=key_positions)
 
     def find_position(self, value_path: ValuePath, *, key: bool = False) -> SourcePosition:
         """Return the position of a value (or its key), else of the nearest enclosing value."""

@@ -427,10 +427,11 @@ class AgentView:
 
     def camera_model(self, camera: int) -> CameraModel:
         """Return the projection of a camera, with the distortion by its lens."""
-        matrix = self.intrinsic(camera)
-        width, height = np.rint(2 * matrix[:2, 2]).astype(int).tolist()
-        authored = CameraModel.build(self.agent.sensors.cameras[camera].camera, width, height)
-        return replace(authored, focal_px=float(matrix[0, 0]))
+        matrix, kind = self.intrinsic(camera), self.agent.sensors.cameras[camera].camera
+        # The principal point is where the authored one is, of an image of another scale.
+        scale = matrix[:2, 2] / kind.centre_px
+        width, height = np.rint(scale * (kind.width_px, kind.height_px)).astype(int).tolist()
+        return replace(CameraModel.build(kind, width, height), focal_px=float(matrix[0, 0]))
 
     @property
     def stamps(self) -> dict[str, float]:

@@ -120,11 +120,11 @@ def _format_kalibr(view: AgentView, carrier_from_cameras: Sequence[Matrix]) -> s
 
 def _describe_for_kalibr(view: AgentView, camera: int) -> dict[str, Any]:
     model, lens = view.camera_model(camera), view.agent.sensors.cameras[camera].camera.lens
-    column, row = (model.matrix[:2, 2] - PIXEL_MIDDLE).tolist()
+    principal_point = model.principal_point - PIXEL_MIDDLE
     kind = "equidistant" if isinstance(lens, KannalaBrandtLens) else "radtan"
     return {
         "camera_model": "pinhole",
-        "intrinsics": [model.focal_px, model.focal_px, column, row],
+        "intrinsics": [*model.focal_lengths_px.tolist(), *principal_point.tolist()],
         "distortion_model": "none" if lens is None else kind,
         "distortion_coeffs": [] if lens is None else list(lens.coefficients[:4]),
         "resolution": [model.width_px, model.height_px],

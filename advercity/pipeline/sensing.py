@@ -474,8 +474,8 @@ def build_camera_view(
     model = build_camera_model(agent, number, profile)
     fov_rad = math.radians(agent.sensors.cameras[number].camera.horizontal_fov_deg)
     width_px, height_px = model.rendered_size
-    if model.distortion is not None:
-        fov_rad = 2 * math.atan(width_px / (2 * model.focal_px))
+    if not model.is_rendered:
+        fov_rad = 2 * math.atan(width_px / (2 * model.rendered_focal_px))
     return CameraView(
         world_from_camera=world_from_camera,
         width_px=width_px,

@@ -202,7 +202,7 @@ def draw_plan_canvas(
     if spec is not None:
         for agent in spec.agents:
             for camera, mount, _ in agent.sensors.cameras:
-                _draw_view(canvas, agent.place, mount, camera.horizontal_fov_deg)
+                _draw_view(canvas, agent.place, mount, camera.side_angles_rad)
     for place in road.agents.values():
         if isinstance(place, Vehicle):
             for lane in _route_lanes(place, found):
@@ -301,12 +301,15 @@ def _create_canvas(network: RoadNetwork, *, around_agents: bool) -> PlanCanvas:
 
 
 def _draw_view(
-    canvas: PlanCanvas, place: Vehicle | RoadsideUnit, mount: Mount, field_of_view_deg: float
+    canvas: PlanCanvas,
+    place: Vehicle | RoadsideUnit,
+    mount: Mount,
+    side_angles_rad: tuple[float, float],
 ) -> None:
     at, heading_deg = _agent_position(place)
     middle = math.radians(heading_deg + mount.yaw_deg)
-    half = math.radians(field_of_view_deg / 2)
-    turn = middle + np.linspace(-half, half, 24)
+    left, right = side_angles_rad
+    turn = middle + np.linspace(-right, left, 24)
     outline = np.add(at, VIEW_DISTANCE_M * np.column_stack([np.cos(turn), np.sin(turn)]))
     canvas.fill(np.vstack([at, outline]), _agent_colour(place), opacity=0.06)
 

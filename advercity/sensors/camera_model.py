@@ -1,7 +1,8 @@
 """Where a camera shows a point: the pinhole, and the distortion by its lens.
 
-Backends render pinholes only. For a camera with a lens they render a plane that is as wide as the
-lens needs, with the same focal length in pixels; `camera/lens_map.py` takes the image from it.
+Backends render pinholes with square pixels, whose axis meets the middle. For a camera with a lens,
+or with a principal point elsewhere, they render a plane that is as wide as the image needs;
+`camera/lens_map.py` takes the image from it.
 """
 
 from __future__ import annotations
@@ -90,25 +91,33 @@ class CameraModel:
     Attributes:
         width_px: Width of the image.
         height_px: Height of the image.
-        focal_px: Focal length; the optical axis meets the middle of the image.
+        focal_px: Focal length in widths of a pixel.
         distortion: Distortion by the lens; None of a pinhole.
+        pixel_aspect: Width of a pixel over its height.
+        offset_px: Place of the principal point right of and below the middle of the image.
     """
 
     width_px: int
     height_px: int
     focal_px: float
     distortion: LensDistortion | None = None
+    pixel_aspect: float = 1.0
+    offset_px: tuple[float, float] = (0.0, 0.0)
 
     @staticmethod
     def build(camera: Camera, width_px: int, height_px: int) -> CameraModel:
         """Build the model of a camera for an image of a size with its proportions."""
         lens = camera.lens
+        distortion = None
+        if lens is not None:
+            key: Any = lens  # frozen, so hashable, which its type does not say
+            distortion = _tabulate(key, camera.edge_angle_rad)
+        if camera.intrinsics is not None:
+            return _build_calibrated(camera, width_px, height_px, distortion)
         if lens is None:
             return CameraModel.build_pinhole(camera.horizontal_fov_deg, width_px, height_px)
         half_rad = np.deg2rad(camera.horizontal_fov_deg) / 2
         focal_px = width_px / (2 * lens.compute_radius(float(half_rad)))
-        key: Any = lens  # frozen, so hashable, which its type does not say
-        distortion = _tabulate(key, camera.edge_angle_rad)
         return CameraModel(width_px, height_px, focal_px, distortion)
 
     @staticmethod
@@ -118,10 +127,20 @@ class CameraModel:
         return CameraModel(width_px, height_px, float(width_px / (2 * np.tan(half_rad))))
 
     @property
+    def focal_lengths_px(self) -> Float64Array:
+        """Focal lengths (2,) in widths and in heights of a pixel."""
+        return np.array([self.focal_px, self.focal_px * self.pixel_aspect])
+
+    @property
+    def principal_point(self) -> Float64Array:
+        """Column and row (2,) of the principal point."""
+        return np.array([self.width_px / 2, self.height_px / 2]) + self.offset_px
+
+    @property
     def matrix(self) -> Float64Array:
         """Pinhole matrix (3, 3); optical axes x right, y down, z along the view."""
-        focal, (column, row) = self.focal_px, self._middle
-        return np.array([[focal, 0, column], [0, focal, row], [0, 0, 1]])
+        (across, down), (column, row) = self.focal_lengths_px, self.principal_point
+        return np.array([[across, 0, column], [0, down, row], [0, 0, 1]])
 
     def pixels_from_camera(self, points: Float64Array) -> Float64Array:
         """Project points (n, 3) in body axes to columns and rows (n, 2).
@@ -141,15 +160,19 @@ class CameraModel:
         """Map pixels (n, 2) of the pinhole to those of the image."""
         if self.distortion is None:
             return pixels
-        plane = (pixels - self._middle) / self.focal_px
-        return self.distortion.distort(plane) * self.focal_px + self._middle
+        plane = self.distortion.distort(self.plane_from_pixels(pixels))
+        return plane * self.focal_lengths_px + self.principal_point
 
     def undistort(self, pixels: Float64Array) -> Float64Array:
         """Map pixels (n, 2) of the image to those of the pinhole."""
         if self.distortion is None:
             return pixels
-        image = (pixels - self._middle) / self.focal_px
-        return self.distortion.undistort(image) * self.focal_px + self._middle
+        plane = self.distortion.undistort(self.plane_from_pixels(pixels))
+        return plane * self.focal_lengths_px + self.principal_point
+
+    def plane_from_pixels(self, pixels: Float64Array) -> Float64Array:
+        """Map pixels (n, 2) of the pinhole to the plane at unit depth, x right and y down."""
+        return (pixels - self.principal_point) / self.focal_lengths_px
 
     def trace_edge(self) -> Float64Array:
         """Trace the edge of the image in pixels (k, 2) of the pinhole."""
@@ -160,14 +183,50 @@ class CameraModel:
         return self.undistort(np.concatenate(sides))
 
     @property
-    def rendered_size(self) -> tuple[int, int]:
-        """Width and height of the plane to render, around the same middle."""
-        if self.distortion is None:
-            return self.width_px, self.height_px
-        reach_px = np.abs(self.trace_edge() - self._middle).max(axis=0)
-        width, height = (2 * math.ceil(side + 1) for side in reach_px.tolist())
-        return width, height
+    def is_rendered(self) -> bool:
+        """Whether the rendered plane is the image itself."""
+        is_centred = self.offset_px == (0.0, 0.0) and self.pixel_aspect == 1.0
+        return self.distortion is None and is_centred
 
     @property
-    def _middle(self) -> Float64Array:
-        return np.array([self.width_px / 2, self.height_px / 2])
+    def rendered_focal_px(self) -> float:
+        """Focal length of the plane to render, in its pixels."""
+        return float(self.focal_lengths_px.max())
+
+    @property
+    def rendered_size(self) -> tuple[int, int]:
+        """Width and height of the plane to render, around the principal point."""
+        if self.is_rendered:
+            return self.width_px, self.height_px
+        reach = np.abs(self.plane_from_pixels(self.trace_edge())).max(axis=0)
+        width, height = (
+            2 * math.ceil(side + 1) for side in (reach * self.rendered_focal_px).tolist()
+        )
+        return width, height
+
+    def to_rendered(self, pixels: Float64Array) -> Float64Array:
+        """Map pixels (n, 2) of the pinhole to those of the rendered plane."""
+        middle = np.array(self.rendered_size) / 2
+        return self.plane_from_pixels(pixels) * self.rendered_focal_px + middle
+
+    def from_rendered(self, pixels: Float64Array) -> Float64Array:
+        """Map pixels (n, 2) of the rendered plane to those of the pinhole."""
+        middle = np.array(self.rendered_size) / 2
+        plane = (pixels - middle) / self.rendered_focal_px
+        return plane * self.focal_lengths_px + self.principal_point
+
+
+def _build_calibrated(
+    camera: Camera, width_px: int, height_px: int, distortion: LensDistortion | None
+) -> CameraModel:
+    """Build the model of a camera with intrinsics, which scale with its image."""
+    across, down = width_px / camera.width_px, height_px / camera.height_px
+    column, row = camera.centre_px
+    return CameraModel(
+        width_px,
+        height_px,
+        focal_px=camera.focal_px * across,
+        distortion=distortion,
+        pixel_aspect=camera.pixel_aspect * down / across,
+        offset_px=(column * across - width_px / 2, row * down - height_px / 2),
+    )

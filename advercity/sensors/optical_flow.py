@@ -109,7 +109,7 @@ def measure_optical_flow(
 def _locate_pixels(model: CameraModel) -> Float64Array:
     """Locate the centres (n, 2) of what the image's pixels show, in pixels of the pinhole.
 
-    With a lens, they are the centres of the pixels of the rendered plane that the image takes.
+    With a lens map, they are the centres of the pixels of the rendered plane that the image takes.
     """
     lens_map = build_lens_map(model)
     if lens_map is None:
@@ -117,7 +117,7 @@ def _locate_pixels(model: CameraModel) -> Float64Array:
         return np.stack([column, row], axis=1).astype(np.float64) + 0.5
     width, height = model.rendered_size
     nearest = lens_map.find_nearest((height, width)).reshape(-1, 2).astype(np.float64)
-    return nearest + 0.5 - np.array([width - model.width_px, height - model.height_px]) / 2
+    return model.from_rendered(nearest + 0.5)
 
 
 def _find_next_offsets(
@@ -128,8 +128,8 @@ def _find_next_offsets(
     What is infinitely far away has an offset of no meaning but its direction; actors that are gone
     have NaN.
     """
-    model, (now, then) = motion.model, motion.world_from_camera
-    right, down = ((start - model.matrix[:2, 2]) / model.focal_px).T
+    now, then = motion.world_from_camera
+    right, down = motion.model.plane_from_pixels(start).T
     rays = np.stack([np.ones_like(right), -right, -down], axis=1) @ now[:3, :3].T
     depth_m = seen.depth.reshape(-1, 1).astype(np.float64)
     is_far = ~np.isfinite(depth_m)

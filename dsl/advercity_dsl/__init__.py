@@ -4,6 +4,7 @@ The package depends on pydantic alone; it imports neither simulator nor renderer
 """
 
 from advercity_dsl.base import Declaration, Id, Model
+from advercity_dsl.camera import Camera, Dirt, Exposure, Isp, PointSpread, RawOutput, Shutter
 from advercity_dsl.catalogue import (
     Blueprint,
     BodyModel,
@@ -16,19 +17,7 @@ from advercity_dsl.conflict import Conflict, OutcomeCriteria, StagedActor, Stage
 from advercity_dsl.inertial import Imu
 from advercity_dsl.lidar import Lidar, LidarModel
 from advercity_dsl.mount import Mount
-from advercity_dsl.rig import (
-    Camera,
-    Dirt,
-    Exposure,
-    Gnss,
-    Isp,
-    PointSpread,
-    Radar,
-    RawOutput,
-    Rig,
-    SensorSet,
-    Shutter,
-)
+from advercity_dsl.rig import Gnss, Radar, Rig, SensorSet
 from advercity_dsl.road import (
     MapFile,
     MapNetwork,

@@ -1,6 +1,7 @@
-"""Lenses of cameras: how far from the middle of the image a ray ends, by its angle off the axis.
+"""Projection of cameras: focal lengths, principal point, and distortion by the lens.
 
-Both models and the order of their coefficients are OpenCV's: `distCoeffs` of `cv2.projectPoints` is
+A lens says how far from the principal point a ray ends, by its angle off the axis. Both models and
+the order of their coefficients are OpenCV's: `distCoeffs` of `cv2.projectPoints` is
 (k1, k2, p1, p2, k3), that of `cv2.fisheye.projectPoints` is (k1, k2, k3, k4).
 """
 
@@ -19,7 +20,25 @@ MAX_RENDERED_PX = 16_384
 """Largest side of the plane that is rendered: what graphics cards can draw."""
 SEARCH_STEPS = 1500
 """Angles up to MAX_OFF_AXIS_DEG at which an image's edge is searched."""
+FocalLength = Annotated[Number, Field(gt=0, le=100_000)]
+PrincipalPoint = Annotated[Number, Field(ge=0, le=8192)]
 Coefficient = Annotated[Number, Field(ge=-10, le=10)]
+
+
+class Intrinsics(CompactModel):
+    """Focal lengths and principal point of a calibrated camera, in pixels of its full image.
+
+    They are those of OpenCV and ROS: the middle of the upper left pixel is (0, 0).
+    """
+
+    fx_px: FocalLength
+    """Focal length in widths of a pixel."""
+    fy_px: FocalLength
+    """Focal length in heights of a pixel."""
+    cx_px: PrincipalPoint
+    """Column at which the optical axis meets the image."""
+    cy_px: PrincipalPoint
+    """Its row."""
 
 
 class BrownConradyLens(CompactModel):
@@ -89,18 +108,17 @@ class KannalaBrandtLens(CompactModel):
 CameraLens = Annotated[BrownConradyLens | KannalaBrandtLens, Field(discriminator="model")]
 
 
-def find_edge_angle(lens: CameraLens, half_fov_rad: float, corner_ratio: float) -> float:
+def find_edge_angle(lens: CameraLens, corner_radius: float, min_angle_rad: float = 0.0) -> float:
     """Find the angle off the axis, in radians, within which all rays of an image are.
 
     Args:
         lens: The lens.
-        half_fov_rad: Angle off the axis at the middle of the left and right edge.
-        corner_ratio: Diagonal of the image relative to its width.
+        corner_radius: Distance of the farthest corner from the principal point in focal lengths.
+        min_angle_rad: Angle that the image shows at least.
 
     Raises:
         ValueError: Rays within the image fold back, or it shows more than a plane can.
     """
-    needed = corner_ratio * lens.compute_radius(half_fov_rad)
     radius = 0.0
     for step in range(1, SEARCH_STEPS + 1):
         angle_rad = math.radians(MAX_OFF_AXIS_DEG * step / SEARCH_STEPS)
@@ -112,7 +130,7 @@ def find_edge_angle(lens: CameraLens, half_fov_rad: float, corner_ratio: float) 
             raise ValueError(
                 f"folds the image {place_deg:.1f} deg off the axis, within its corners"
             )
-        if radius >= needed and angle_rad >= half_fov_rad:
+        if radius >= corner_radius and angle_rad >= min_angle_rad:
             return angle_rad
     raise ValueError(
         f"shows more than {2 * MAX_OFF_AXIS_DEG:g} deg from corner to corner, which no plane that "

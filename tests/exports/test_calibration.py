@@ -26,6 +26,10 @@ LENSES: dict[str, CameraLens | None] = {
     "cav3": BrownConradyLens(model="brown_conrady", k1=-0.2, k2=0.03, k3=-0.001),
     "rsu1": None,
 }
+INTRINSICS = {
+    "cav1": {"fx_px": 1300, "fy_px": 1150, "cx_px": 880.25, "cy_px": 601},
+    "rsu1": {"fx_px": 900, "fy_px": 1000, "cx_px": 0, "cy_px": 1079},
+}
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +40,9 @@ def lens_dataset(tmp_path_factory: pytest.TempPathFactory, spec: Spec) -> Path:
         lens = LENSES.get(agent["id"])
         if lens is not None:
             agent["sensors"]["camera"]["lens"] = lens.model_dump(mode="json")
+        if agent["id"] in INTRINSICS:
+            agent["sensors"]["camera"].pop("horizontal_fov_deg", None)
+            agent["sensors"]["camera"]["intrinsics"] = INTRINSICS[agent["id"]]
     asking = with_digest(Spec.model_validate(document))
 
     def sensor_frames(index: int) -> tuple[SensorFrame, ...]:
@@ -66,7 +73,7 @@ def list_seen_points(view: AgentView, camera: int) -> Float64Array:
     """Points (n, 3) of the world 3 to 30 m ahead that the camera shows all over its image."""
     model, rng = view.camera_model(camera), np.random.default_rng(camera)
     pixels = rng.random((200, 2)) * [model.width_px, model.height_px]
-    plane = (model.undistort(pixels) - model.matrix[:2, 2]) / model.focal_px
+    plane = model.plane_from_pixels(model.undistort(pixels))
     rays = np.column_stack([np.ones(200), -plane])
     return poses.transform_points(
         view.world_from_camera(camera), rays * rng.uniform(3.0, 30.0, (200, 1))

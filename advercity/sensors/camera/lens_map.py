@@ -1,4 +1,4 @@
-"""Takes the image of a camera with a lens from a rendered plane, which has none."""
+"""Takes the image of a camera with a lens or intrinsics from a rendered plane, which has none."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ MAX_SAMPLES_PER_SIDE = 4
 
 @dataclass(frozen=True, eq=False)
 class LensMap:
-    """Takes the image of a camera with a lens from the rendered plane.
+    """Takes the image of a camera from the rendered plane.
 
     Attributes:
         corners: (h + 1, w + 1, 2) columns and rows in the plane of the corners of all pixels.
@@ -59,11 +59,10 @@ class LensMap:
 
 @lru_cache(maxsize=8)
 def build_lens_map(camera: CameraModel) -> LensMap | None:
-    """Build the map of a camera; None for a pinhole, whose image is the rendered plane itself."""
-    if camera.distortion is None:
+    """Build the map of a camera; None where the rendered plane is the image itself."""
+    if camera.is_rendered:
         return None
     image = camera.width_px, camera.height_px
     grid = np.stack(np.meshgrid(*(np.arange(side + 1.0) for side in image)), axis=-1)
-    shift = np.subtract(camera.rendered_size, image) / 2
-    corners = camera.undistort(grid.reshape(-1, 2)).reshape(grid.shape) + shift
-    return LensMap(corners.astype(np.float32))
+    corners = camera.to_rendered(camera.undistort(grid.reshape(-1, 2)))
+    return LensMap(corners.reshape(grid.shape).astype(np.float32))

@@ -63,8 +63,7 @@ def locate_bands(model: CameraModel, count: int) -> NDArray[np.intp]:
     """
     width, height = model.rendered_size
     row, column = np.indices((height, width)).reshape(2, -1) + 0.5
-    shift = np.subtract((width, height), (model.width_px, model.height_px)) / 2
-    rows = model.distort(np.stack([column, row], axis=1) - shift)[:, 1]
+    rows = model.distort(model.from_rendered(np.stack([column, row], axis=1)))[:, 1]
     bands = np.floor(rows * count / model.height_px).clip(0, count - 1)
     return bands.astype(np.intp).reshape(height, width)
 
