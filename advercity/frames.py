@@ -141,7 +141,12 @@ class ActorState:
     @property
     def box(self) -> Box:
         """The box that annotations have, in the body frame."""
-        return self.pose_box or Box.on_ground(self.actor.size)
+        return self.pose_box or self.steady_box
+
+    @property
+    def steady_box(self) -> Box:
+        """The box that holds all poses of a gait and moves as the body does, in the body frame."""
+        return Box.on_ground(self.actor.size)
 
     @property
     def box_centre(self) -> NDArray[np.float64]:

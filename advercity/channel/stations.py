@@ -9,7 +9,7 @@ from advercity_dsl.channel import Channel, PerceptionMessage
 from numpy.typing import NDArray
 
 from advercity.channel.impairments import ChannelRandomness
-from advercity.frames import Trace
+from advercity.frames import ActorState, Trace
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array
 from advercity.sensors.annotation import annotate_actors
@@ -127,7 +127,8 @@ def perceive_objects(
         (count, 5),
     )
     centres = poses.transform_points(
-        station_from_world, np.reshape([item.centre for item in found], (count, 3))
+        station_from_world,
+        np.reshape([_find_steady_centre(item.state) for item in found], (count, 3)),
     )
     velocities = np.reshape([item.state.motion.velocity for item in found], (count, 3))
     level_velocities = velocities @ station_from_world[:3, :3].T
@@ -139,12 +140,17 @@ def perceive_objects(
         classes=np.array([item.state.actor.actor_class for item in found], np.str_),
         centres=centres,
         headings_rad=headings + math.radians(message.heading_noise_deg) * normals[:, 2],
-        sizes_m=np.reshape([item.state.box.size for item in found], (count, 3)),
+        sizes_m=np.reshape([item.state.steady_box.size for item in found], (count, 3)),
         velocities_m_s=level_velocities[:, :2] + message.speed_noise_m_s * normals[:, 3:],
         position_covariances_m2=covariances,
         heading_sd_rad=math.radians(message.heading_noise_deg),
         velocity_sd_m_s=message.speed_noise_m_s,
     )
+
+
+def _find_steady_centre(state: ActorState) -> Float64Array:
+    """Find the middle (3,) of an object in the world: trackers even strides out."""
+    return poses.transform_points(state.world_from_body, state.steady_box.centre)
 
 
 def _measure_errors(

@@ -473,6 +473,17 @@ class AgentView:
         with report_read_errors(self.path(".yaml")):
             return parse_boxes(self._get_described("vehicles") | self._get_described("walkers"))
 
+    def load_steady_boxes(self) -> Boxes:
+        """Load the annotated objects with boxes that move as bodies do.
+
+        Those of pedestrians hold all poses of the gait, since formats with one pose an object have
+        no other place for the stride.
+        """
+        objects = self.extras["objects"]
+        with report_read_errors(self.path("_objects.json")):
+            sizes = {int(key): one["size_m"] for key, one in objects.items() if "size_m" in one}
+            return self.boxes.steady(sizes)
+
     def load_velocities(self) -> NDArray[np.float64]:
         """Load the velocities (n, 3) of the objects of `boxes` in the world, m/s."""
         objects, ids = self.extras["objects"], self.boxes.ids.tolist()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.dataset.carla_frame import matrix_from_carla_pose, mirror_angle
+from advercity.dataset.carla_frame import matrix_from_carla_pose, mirror_angle, mirror_points
 
 _Speed = TypeVar("_Speed", float, NDArray[np.float64])
 
@@ -21,6 +22,7 @@ class Boxes:
         ids: (n,) int64, the same for the same object in all frames and agents of a scenario.
         classes: (n,) text: car, van, truck, bicycle, motorcycle or pedestrian.
         world_from_box: (n, 4, 4); origin in the middle of the box, x forward, y left, z up.
+        locations: (n, 3) points that move as the bodies do: on the ground, of people half-way up.
         sizes: (n, 3) full length, width and height in metres.
         speeds_m_s: (n,).
         distances_m: (n,) from the agent's origin.
@@ -35,6 +37,7 @@ class Boxes:
     ids: NDArray[np.int64]
     classes: NDArray[np.str_]
     world_from_box: NDArray[np.float64]
+    locations: NDArray[np.float64]
     sizes: NDArray[np.float64]
     speeds_m_s: NDArray[np.float64]
     distances_m: NDArray[np.float64]
@@ -48,6 +51,18 @@ class Boxes:
     def __len__(self) -> int:
         """Return the number of objects."""
         return len(self.ids)
+
+    def steady(self, sizes: Mapping[int, Sequence[float]]) -> Boxes:
+        """Return the boxes with those of some objects steady: they hold all poses of a gait.
+
+        Args:
+            sizes: Full length, width and height in metres by id.
+        """
+        rows = np.flatnonzero(np.isin(self.ids, list(sizes)))
+        world_from_box, found = self.world_from_box.copy(), self.sizes.copy()
+        world_from_box[rows, :3, 3] = self.locations[rows]
+        found[rows] = [sizes[number] for number in self.ids[rows].tolist()]
+        return replace(self, world_from_box=world_from_box, sizes=found)
 
     def select(self, where: NDArray[np.bool_]) -> Boxes:
         """Select objects by a mask (n,), as `boxes.lidar_points >= 5`."""
@@ -66,6 +81,7 @@ def parse_boxes(objects: dict[Any, dict[str, Any]]) -> Boxes:
         ids=np.array(list(objects), dtype=np.int64),
         classes=np.array([_parse_class(item) for item in items], dtype=np.str_),
         world_from_box=np.reshape(box_poses, (-1, 4, 4)).astype(np.float64),
+        locations=mirror_points(np.reshape([item["location"] for item in items], (-1, 3))),
         sizes=np.reshape([item["extent"] for item in items], (-1, 3)) * 2.0,
         speeds_m_s=to_m_s(_parse_column(items, "speed")),
         distances_m=_parse_column(items, "dist"),

@@ -362,10 +362,10 @@ def build_object_extras(
 
     `lidar_points` counts the points returned in this weather, `lidar_ghosts` those of its mirror
     images, `lidar_hits` the beams that would hit in none. `towed_by` of a semi-trailer is its
-    tractor unit. `roles` are the object's roles in staged conflicts, by conflict id. `lamps` are
-    the names of `Lamp` that are lit. `cameras` has the cameras whose image the object's outline
-    overlaps. `readouts` is what the values of linear and raw images mean, by cameras that write
-    them.
+    tractor unit. `size_m` of a pedestrian is that of the box around all poses of its gait. `roles`
+    are the object's roles in staged conflicts, by conflict id. `lamps` are the names of `Lamp` that
+    are lit. `cameras` has the cameras whose image the object's outline overlaps. `readouts` is what
+    the values of linear and raw images mean, by cameras that write them.
     """
     readouts = {
         f"camera{index}": asdict(image.readout)
@@ -391,6 +391,7 @@ def _describe_object_extras(item: Annotation, sensor_frame: SensorFrame) -> dict
         **_describe_towing(state.actor),
         "roles": dict(sensor_frame.conflict_roles.get(state.actor.id, {})),
         "velocity_m_s": to_plain(velocity, decimals=6),
+        **({"size_m": to_plain(state.actor.size)} if _is_pedestrian(item) else {}),
         "acceleration_m_s2": to_plain(state.acceleration_m_s2, decimals=6),
         "lamps": [str(lamp.name).lower() for lamp in state.lamps],
         "lidar_hits": item.lidar_hits,

@@ -130,7 +130,7 @@ def _write_rows(scenario: Scenario, files: PieceFiles, frames: Any, objects: Any
         weather = WeatherTruth.from_weather(timeline.weather_at(frame.index))
         seen: dict[int, str] = {}
         for view in frame.views.values():
-            boxes = view.boxes
+            boxes = view.load_steady_boxes()
             frames.writerow(_list_frame_values(frame, view, len(boxes), weather))
             for row in range(len(boxes)):
                 objects.writerow(_list_object_values(frame, view, boxes, row))

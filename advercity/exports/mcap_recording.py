@@ -77,7 +77,7 @@ def _write_frame(frame: FrameView, recording: Encoder, shown: dict[str, int]) ->
                 yield number, f"/{name}", Stamp(stamps.get(name, time_ns), name)
 
     for name, view in frame.views.items():
-        recording.write_objects(f"/{name}/objects", Stamp(time_ns, WORLD), view.boxes)
+        recording.write_objects(f"/{name}/objects", Stamp(time_ns, WORLD), view.load_steady_boxes())
         for number, sensor, stamp in list_new(view, "camera", view.cameras):
             image = _read_file(view.path(f"_camera{number}.png"))
             recording.write_image(f"{sensor}/image", stamp, image)

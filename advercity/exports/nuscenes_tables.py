@@ -308,7 +308,7 @@ class _SceneWriter:
         )
 
     def _write_annotations(self, frame: FrameView, view: AgentView) -> None:
-        boxes, velocities = view.boxes, view.load_velocities()
+        boxes, velocities = view.load_steady_boxes(), view.load_velocities()
         radar_points = count_radar_points(view, boxes.ids)
         for row, number in enumerate(boxes.ids.tolist()):
             token = make_token("sample_annotation", self._scene.name, number, frame.index)

@@ -106,7 +106,7 @@ def _describe_objects(frame: FrameView) -> dict[str, tuple[str, dict[str, Any]]]
     """Describe the objects that any agent annotates: class and data by id."""
     found: dict[str, tuple[str, dict[str, Any]]] = {}
     for name, view in frame.views.items():
-        boxes, extras = view.boxes, view.extras["objects"]
+        boxes, extras = view.load_steady_boxes(), view.extras["objects"]
         for row, number in enumerate(boxes.ids.tolist()):
             # The world has one truth: what another agent annotates has the same box there.
             cuboid = _format_cuboid(boxes.world_from_box[row], boxes.sizes[row].tolist())

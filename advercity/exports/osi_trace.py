@@ -25,7 +25,7 @@ from advercity.exports.pieces import Piece, PieceFiles, split_by_scenario
 from advercity.exports.registry import Options
 from advercity.exports.site_opendrive import format_projection, format_site
 from advercity.frames import WHEELBASE_FRACTION, ActorState, Frame, Lamp, Signal
-from advercity.geometry.poses import to_yaw_pitch_roll
+from advercity.geometry.poses import to_yaw_pitch_roll, transform_points
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.physics.extinction import compute_extinction
 from advercity.pipeline.agent_poses import AgentPoses
@@ -149,12 +149,12 @@ class TruthBuilder:
         message.timestamp.seconds, message.timestamp.nanos = seconds, nanos
 
     def _fill_object(self, item: Any, state: ActorState) -> None:
-        actor, box = state.actor, state.box
+        actor, box = state.actor, state.steady_box
         item.id.value = actor.id
         item.model_reference = actor.blueprint
         base = item.base
         base.dimension.length, base.dimension.width, base.dimension.height = box.size
-        _fill_vector(base.position, state.box_centre)
+        _fill_vector(base.position, transform_points(state.world_from_body, box.centre))
         yaw, pitch, roll = to_yaw_pitch_roll(state.world_from_body)
         orientation = base.orientation
         orientation.roll, orientation.pitch, orientation.yaw = roll, pitch, yaw

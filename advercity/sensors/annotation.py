@@ -263,7 +263,10 @@ def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
     grounds = world_from_object[:, :3, 3]
     offsets_body = np.array([state.box.centre for state in states])
     centres = grounds + np.einsum("nij,nj->ni", world_from_object[:, :3, :3], offsets_body)
-    locations = np.where(on_foot[:, None], centres, grounds)
+    # A box follows the stride; the middle of a person's steady box moves as the body does.
+    half_heights = np.array([state.steady_box.centre[2] for state in states])
+    middles = grounds + half_heights[:, None] * world_from_object[:, :3, 2]
+    locations = np.where(on_foot[:, None], middles, grounds)
     # One pass of arrays over all actors: a frame may have several hundred, five times over.
     offsets = locations - sensor_frame.world_from_agent[:3, 3]
     agent_yaw = poses.to_yaw_pitch_roll(sensor_frame.world_from_agent)[0]

@@ -171,11 +171,12 @@ def test_a_reader_of_ros_2_finds_the_same(
         assert total == pytest.approx(points.astype(float).sum(axis=0).tolist())
         numbers = found["transforms"]["cav1/lidar0"][time]
         assert numbers[:3] == pytest.approx(view.world_from_lidar[:3, 3].tolist())
-        for row, number in enumerate(view.boxes.ids.tolist()):
+        boxes = view.load_steady_boxes()
+        for row, number in enumerate(boxes.ids.tolist()):
             kind, *place = found["objects"][str(number)][time]
-            assert kind == view.boxes.classes[row]
-            centre = view.boxes.world_from_box[row, :3, 3]
-            assert place == pytest.approx([*centre, *view.boxes.sizes[row]])
+            assert kind == boxes.classes[row]
+            centre = boxes.world_from_box[row, :3, 3]
+            assert place == pytest.approx([*centre, *boxes.sizes[row]])
     # At 1 s, as by hand.
     first = found["objects"]["1001"][str(round(frames[0].time_s * 1e9))]
     assert first[:3] == ["car", pytest.approx(152, abs=0.03), pytest.approx(1.75, abs=0.01)]

@@ -109,7 +109,7 @@ def test_the_devkit_reads_the_boxes_as_they_are_and_the_points_in_them(
     boxes_read = 0
     for sample in read["samples"]:
         frame, view = find_view(two_roads, sample)
-        boxes = view.boxes
+        boxes = view.load_steady_boxes()
         assert {box["object"] for box in sample["boxes"]} == set(boxes.ids.tolist())
         for box in sample["boxes"]:
             row = boxes.ids.tolist().index(box["object"])

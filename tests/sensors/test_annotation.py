@@ -3,8 +3,11 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from advercity.dataset.boxes import parse_boxes
+from advercity.dataset.frame_documents import build_frame_description
 from advercity.frames import Actor, ActorState, Lamp
 from advercity.geometry import poses
+from advercity.geometry.boxes import Box
 from advercity.sensors.annotation import Annotation, annotate_actors
 from advercity.sensors.measurements import PointCloud, PointKind
 from advercity.sensors.sensor_frame import SensorFrame
@@ -91,6 +94,29 @@ def test_bearing_is_horizontal_on_a_tilted_mast(
     tilted = poses.pose_matrix((0, 0, 6), yaw=np.pi / 2, pitch=0.5, roll=0.2)
     item = annotated(replace(among(ego, car_at(x, y)), world_from_agent=tilted))[300]
     assert np.rad2deg(item.bearing_rad) == pytest.approx(bearing_deg)
+
+
+def test_a_box_follows_the_stride_and_its_location_does_not(ego: SensorFrame) -> None:
+    """A person walks with 1.4 m/s; its box swings by 0.1 m, as differences of its middles do."""
+    actor = Actor(300, "pedestrian", "person", "cloth_red", (0.8, 0.5, 1.7))
+    found: list[Annotation] = []
+    for tick, swing_m in enumerate((0.0, 0.1, -0.1, 0.05)):
+        pose = poses.pose_matrix((10, 0.14 * tick, 0.15), yaw=np.pi / 2)
+        box = Box((0.4 + swing_m, 0.5, 1.7), (swing_m, 0.0, 0.85))
+        walks = ActorState(actor, pose, 1.4, 0.0, Lamp(0), pose_box=box)
+        found.append(annotated(among(ego, walks))[300])
+
+    locations = np.array([item.location for item in found])
+    np.testing.assert_allclose(np.diff(locations, axis=0), [[0, 0.14, 0]] * 3, atol=1e-12)
+    np.testing.assert_allclose(locations[0], [10, 0, 0.15 + 0.85])
+    described = [
+        build_frame_description(among(ego, item.state), [item])["walkers"][300] for item in found
+    ]
+    tight = parse_boxes(dict(enumerate(described)))
+    assert tight.world_from_box[1, :3, 3] == pytest.approx([10, 0.14 + 0.1, 1.0])
+    steady = tight.steady(dict.fromkeys(range(4), actor.size))
+    np.testing.assert_allclose(steady.world_from_box[:, :3, 3], locations, atol=1e-9)
+    np.testing.assert_allclose(steady.sizes, [actor.size] * 4)
 
 
 def points_on(reading: SensorFrame, kinds: list[PointKind]) -> SensorFrame:
