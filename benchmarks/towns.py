@@ -60,7 +60,8 @@ class TownTrial:
             found = suggest_conflicts(self.file, SOURCES[self.file.suffix])
         except AdvercityError as error:
             return f"| {self.file.stem} | | | no: {_shorten(str(error))} | | | | |"
-        crossings = sum(item.arms.count("(") > 3 for item in found.junctions)
+        arms = {item.junction: item.arms.count("(") for item in found.junctions}
+        crossings = sum(count > 3 for count in arms.values())
         staged = "no: no junction has room for one | | "
         for junction, conflict in list(iterate_cells(found.junctions, wanted))[:cells]:
             happened = self._count_seeds(found, junction, conflict, seeds)
@@ -70,7 +71,7 @@ class TownTrial:
                 break
             staged = f"no: {self.reasons[0]} | | 0 of {len(seeds)}"
         minutes = (time.monotonic() - began_s) / 60
-        head = f"| {self.file.stem} | {len(found.junctions)} | {crossings} |"
+        head = f"| {self.file.stem} | {len(arms)} | {crossings} |"
         return f"{head} {staged} | {self.simulations} | {minutes:.1f} |"
 
     def _count_seeds(

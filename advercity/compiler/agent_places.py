@@ -17,7 +17,7 @@ from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.junction_arms import (
     MisplacedAgentError,
     find_junctions,
-    place_junction_agents,
+    place_at_every_arm,
 )
 from advercity.roads.lane_graph import (
     MAX_DESTINATION_GAP_M,
@@ -40,33 +40,35 @@ Problem = tuple[ValuePath, str, str]
 """Path of a value, what is wrong with it, and the way out."""
 
 
-def place_agents(road: Road) -> tuple[list[Road], dict[str, str]]:
-    """Place the agents that a road gives by the arms of junctions; a road per junction.
+def place_agents(road: Road) -> tuple[list[list[Road]], dict[str, str]]:
+    """Place the agents that a road gives by the arms of junctions.
 
     Where a rule selects the junctions, those at which the agents cannot be are left out.
 
     Returns:
-        The roads, and by junction that was left out, why.
+        For each junction the road with the ego on every arm that it may come from, and by
+        junction that was left out, why.
 
     Raises:
         MisplacedAgentError: No junction fits.
     """
     declared = road.at_junction
     if declared is None:
-        return [road], {}
+        return [[road]], {}
     planner = RoutePlanner(to_plan_frame(road))
     try:
         names = find_junctions(planner, declared.junction)
     except InputError as error:
         raise MisplacedAgentError(("at_junction", "junction"), str(error)) from None
     if names == (declared.junction,):
-        return [place_junction_agents(road, declared, names[0])], {}
-    placed: list[Road] = []
+        return [place_at_every_arm(road, declared, names[0])], {}
+    placed: list[list[Road]] = []
     refused: dict[str, MisplacedAgentError] = {}
     for name in names:
         try:
-            found = place_junction_agents(road, declared, name)
-            placed.append(found.model_copy(update={"id": f"{road.id}_{name}"}))
+            found = place_at_every_arm(road, declared, name)
+            update = {"id": f"{road.id}_{name}"}
+            placed.append([item.model_copy(update=update) for item in found])
         except MisplacedAgentError as error:
             refused[name] = error
     if refused and (not placed or not isinstance(declared.junction, str)):

@@ -73,6 +73,7 @@ class LibraryEntry(Generic[DeclarationT]):
         digest: SHA-256 of the data, with `extends` merged.
         distributions: Distributions of a weather.
         left_out: Of a road with agents at several junctions, those where they cannot be, and why.
+        elsewhere: Of a road whose ego may come from any arm, the same with it on the others.
     """
 
     declaration: DeclarationT
@@ -80,6 +81,7 @@ class LibraryEntry(Generic[DeclarationT]):
     digest: str
     distributions: Distributions = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
+    elsewhere: tuple[Road, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -368,7 +370,10 @@ def _build_entries(name: DeclarationKey, documents: Documents) -> list[LibraryEn
     declaration = validate_model(model, source, previous=source.document.diagnostics)
     if isinstance(declaration, Road):
         roads, left_out = _complete_road(declaration, source)
-        return [replace(_build_plain_entry(road, source), left_out=left_out) for road in roads]
+        return [
+            replace(_build_plain_entry(road, source), left_out=left_out, elsewhere=tuple(elsewhere))
+            for road, *elsewhere in roads
+        ]
     if isinstance(declaration, Catalogue):
         declaration = _add_model_checksums(declaration, source)
     return [_build_plain_entry(declaration, source)]
@@ -381,7 +386,9 @@ def _build_plain_entry(
     return LibraryEntry(declaration, source, digest)
 
 
-def _complete_road(road: Road, source: ResolvedDeclaration) -> tuple[list[Road], dict[str, str]]:
+def _complete_road(
+    road: Road, source: ResolvedDeclaration
+) -> tuple[list[list[Road]], dict[str, str]]:
     """Import the map of a road, place its agents and find their routes."""
     mapped: tuple[Surrounding, ...] = ()
     if isinstance(road.imported, MapFile):
@@ -391,7 +398,7 @@ def _complete_road(road: Road, source: ResolvedDeclaration) -> tuple[list[Road],
     grown = grow_surroundings(road, mapped)
     try:
         placed, left_out = place_agents(grown)
-        return [complete_routes(item) for item in placed], left_out
+        return [[complete_routes(item) for item in places] for places in placed], left_out
     except MisplacedAgentError as error:
         raise DiagnosticsError(source.build_diagnostic(error.value_path, str(error))) from None
 

@@ -5,7 +5,7 @@ Conflicts are bound and solved, not simulated: whether other traffic lets them h
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -19,13 +19,12 @@ from advercity.atomic_files import write_atomically
 from advercity.compiler.library import Library, load_library
 from advercity.compiler.shipped_library import find_shipped_library
 from advercity.compiler.suite_conflicts import (
-    RoadConflicts,
     UnstageableError,
+    bind_crossed,
     solve_road_conflicts,
 )
-from advercity.conflicts.binding import match_conflict, with_ego_manoeuvre
 from advercity.errors import InputError, report_write_errors
-from advercity.roads.junction_arms import JunctionArms, MisplacedAgentError, place_junction_agents
+from advercity.roads.junction_arms import JunctionArms, MisplacedAgentError, place_at_every_arm
 from advercity.roads.map_files import read_map_file
 from advercity.roads.map_import import import_map
 from advercity.roads.plan_frame import to_plan_frame
@@ -63,7 +62,7 @@ TRAFFIC = {
 
 @dataclass(frozen=True)
 class JunctionSuggestion:
-    """A junction and the conflicts that it can stage.
+    """A junction and the conflicts that it can stage with the agents of a road.
 
     Attributes:
         junction: Its id.
@@ -88,7 +87,8 @@ class MapSuggestions:
     """What a map can stage.
 
     Attributes:
-        junctions: Junctions of three arms or more, those with the most conflicts first.
+        junctions: Junctions of three arms or more, those with the most conflicts first; twice
+            where some conflicts have a place only for an ego without another vehicle.
         documents: Declarations of roads and suite, by the name of their file.
     """
 
@@ -162,41 +162,47 @@ class _Finder:
         for junction in self.planner.movements:
             arms = JunctionArms.of_road(self.road, junction)
             if len(arms.directions) > 2:
-                yield self._suggest(junction, arms)
+                yield from self._suggest(junction, arms)
 
-    def _suggest(self, junction: str, arms: JunctionArms) -> JunctionSuggestion:
+    def _suggest(self, junction: str, arms: JunctionArms) -> Iterator[JunctionSuggestion]:
+        """Yield what each crew can stage and those before it cannot; if nothing, why."""
         control, text = self.planner.controls.get(junction, "none"), arms.describe()
-        reason = ""
+        reason, known = "", set[str]()
         for suffix, crew in CREWS.items():
             declared = JunctionAgents.model_validate({"junction": junction, "agents": crew})
             name = f"{self.road.id}{suffix}"
             try:
-                placed = place_junction_agents(self.road, declared, junction)
+                placed = place_at_every_arm(self.road, declared, junction)
             except MisplacedAgentError as error:
                 reason = str(error)
                 continue
-            placed = placed.model_copy(update={"id": f"{name}_{junction}"})
-            conflicts = tuple(item.id for item in self._list_stageable(placed))
+            update = {"id": f"{name}_{junction}"}
+            places = [item.model_copy(update=update) for item in placed]
+            conflicts = tuple(item.id for item in self._list_stageable(places, known))
             if conflicts:
-                return JunctionSuggestion(junction, control, text, name, conflicts)
+                yield JunctionSuggestion(junction, control, text, name, conflicts)
+            known.update(conflicts)
             reason = "none of the library's conflicts has a place here"
-        return JunctionSuggestion(junction, control, text, reason=reason)
+        if not known:
+            yield JunctionSuggestion(junction, control, text, reason=reason)
 
-    def _list_stageable(self, road: Road) -> list[Conflict]:
-        conflicts = self.library.get_declarations(Conflict).values()
-        found = [conflict for conflict in conflicts if self._can_stage(road, conflict)]
+    def _list_stageable(self, places: Sequence[Road], known: Collection[str]) -> list[Conflict]:
+        found = [
+            conflict
+            for name, conflict in self.library.get_declarations(Conflict).items()
+            if name not in known and self._can_stage(places, conflict)
+        ]
         return sorted(found, key=_drives_in_lanes)
 
-    def _can_stage(self, road: Road, conflict: Conflict) -> bool:
-        fits = match_conflict(conflict, road, called_for=True).standing == "primary"
-        moved = with_ego_manoeuvre(road, conflict) if fits else None
-        if moved is None:
+    def _can_stage(self, places: Sequence[Road], conflict: Conflict) -> bool:
+        cell = bind_crossed(conflict, places, ["primary"], called_for=True)
+        if cell is None:
             return False
         try:
             solve_road_conflicts(
                 self.library,
                 self.suite,
-                RoadConflicts(moved, (conflict,), conflict),
+                cell,
                 self.library.get_declarations(Density)[DENSITY],
                 self._blueprints,
                 ego=self.catalogue.blueprints[self.catalogue.ego],

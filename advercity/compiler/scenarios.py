@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from advercity_dsl import (
@@ -300,8 +300,11 @@ def build_scenario_inputs(
         raise DiagnosticsError(library.build_diagnostic(suite, "id", message=message, hint=hint))
     try:
         drawn, draws = draw_scenario_weather(entry, suite.seeds.weather, name, step)
-        road = _apply_sweep_step(library, conflicts.road, step)
         density = _apply_sweep_step(library, density, step)
+        # Conflicts are solved on the road with the sweep and the limits applied.
+        conflicts = conflicts.change_roads(
+            lambda road: apply_speed_limits(_apply_sweep_step(library, road, step), density)
+        )
         rig = _apply_sweep_step(library, rig, step)
         catalogue = _apply_sweep_step(library, catalogue, step)
         channel = _apply_channel_step(library, suite, channel, step)
@@ -313,10 +316,8 @@ def build_scenario_inputs(
         raise DiagnosticsError(
             library.build_diagnostic(suite, "sweep", message=message, hint=first.hint)
         ) from None
+    road = conflicts.road
     weather = localize_weather(entry, drawn, road, require_sun=require_sun)
-    road = apply_speed_limits(road, density)
-    # Conflicts are solved on the road with the sweep and the limits applied.
-    conflicts = replace(conflicts, road=road)
     return ScenarioInputs(
         *(name, road, weather, density, rig, catalogue, channel, draws, step, conflicts),
         *(suite.looks, repeat),

@@ -5,18 +5,18 @@ give the same specs.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
 
 from advercity_dsl import Road, RoadsideUnit, Spec, StagedConflict, Suite, Vehicle
 from advercity_dsl.spec import Settlement
 
 from advercity.compiler.scenarios import ScenarioInputs
-from advercity.compiler.suite_conflicts import UnstageableError
+from advercity.compiler.suite_conflicts import RoadConflicts, UnstageableError, with_waits
 from advercity.conflicts.checks import Finding
 
-EGO_WAITS_S = (0.0, 4.0, 8.0)
-"""Times that the ego waits longer than declared, until a conflict has room before it."""
 MAX_SEEDS = 20
 """Number of seeds for which a conflict is solved; those that cannot be are not simulated."""
 
@@ -87,7 +87,8 @@ class Settler:
             )
             solved = replace(tried, settlement=settlement)
             why = self.judge(build(inputs, solved))
-            found = f"{_name_cell(inputs)}: attempt {attempts}, {_describe(settlement)}"
+            arm = _describe_start(inputs.road.ego, tried.road.ego)
+            found = f"{_name_cell(inputs)}: attempt {attempts}, {_describe(settlement)}{arm}"
             self.report(f"{found}: {why or 'happens as declared'}")
             if not why:
                 return solved
@@ -103,36 +104,24 @@ class Settler:
         inputs: ScenarioInputs,
         solve: Callable[[Suite, ScenarioInputs], SolvedTraffic],
     ) -> Iterator[SolvedTraffic | UnstageableError]:
-        """Yield attempts: as declared, then with others out of the way, from seed to seed."""
-        for number in range(MAX_SEEDS):
+        """Yield attempts: as declared, then with others out of the way, by seed and ego's arm."""
+        for number, place in product(range(MAX_SEEDS), inputs.conflicts.places):
             seed = suite.seeds.traffic + number
             seeds = suite.seeds.model_copy(update={"traffic": seed})
             seeded = suite.model_copy(update={"seeds": seeds})
             try:
-                solved, waits_s = _solve_with_room(seeded, inputs, solve)
-                if number == 0:
+                solved = solve(seeded, _at_place(inputs, place))
+                if number == 0 and place.road is inputs.road:
                     yield solved
-                waits_s = waits_s | _let_others_wait(solved)
-                yield solve(seeded, _with_waits(inputs, waits_s))
+                waits_s = _let_others_wait(solved)
+                waiting = place.change_roads(partial(with_waits, waits_s=waits_s))
+                yield solve(seeded, _at_place(inputs, waiting))
             except UnstageableError as refusal:
                 yield refusal
 
 
-def _solve_with_room(
-    suite: Suite,
-    inputs: ScenarioInputs,
-    solve: Callable[[Suite, ScenarioInputs], SolvedTraffic],
-) -> tuple[SolvedTraffic, dict[str, float]]:
-    """Solve conflicts with an ego that waits no longer than they need to have room before it."""
-    ego = next(name for name, place in inputs.road.agents.items() if place is inputs.road.ego)
-    refusals: list[UnstageableError] = []
-    for longer_s in EGO_WAITS_S:
-        waits_s = {ego: inputs.road.ego.waits_s + longer_s} if longer_s else {}
-        try:
-            return solve(suite, _with_waits(inputs, waits_s)), waits_s
-        except UnstageableError as refusal:
-            refusals.append(refusal)
-    raise refusals[0]
+def _at_place(inputs: ScenarioInputs, place: RoadConflicts) -> ScenarioInputs:
+    return replace(inputs, road=place.road, conflicts=place)
 
 
 def _let_others_wait(solved: SolvedTraffic) -> dict[str, float]:
@@ -162,20 +151,14 @@ def _get_waits_s(place: Vehicle | RoadsideUnit) -> float:
     return place.waits_s if isinstance(place, Vehicle) else 0.0
 
 
-def _with_waits(inputs: ScenarioInputs, waits_s: Mapping[str, float]) -> ScenarioInputs:
-    if not waits_s:
-        return inputs
-    agents = {
-        name: place.model_copy(update={"waits_s": waits_s[name]}) if name in waits_s else place
-        for name, place in inputs.road.agents.items()
-    }
-    road = inputs.road.model_copy(update={"agents": agents})
-    return replace(inputs, road=road, conflicts=replace(inputs.conflicts, road=road))
-
-
 def _name_cell(inputs: ScenarioInputs) -> str:
     names = ", ".join(conflict.id for conflict in inputs.conflicts.conflicts)
     return f"{inputs.road.id}: {names} ({inputs.density.id})"
+
+
+def _describe_start(declared: Vehicle, solved: Vehicle) -> str:
+    same = declared.spawn_m == solved.spawn_m
+    return "" if same else f", ego from {solved.route[0]}"
 
 
 def _describe(settlement: Settlement) -> str:

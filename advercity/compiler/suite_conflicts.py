@@ -1,9 +1,9 @@
 """Select, match and solve the conflicts that a suite's scenarios stage, with diagnostics."""
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 from advercity_dsl import Blueprint, Conflict, Density, Road, StagedConflict, Suite
 from advercity_dsl.spec import CrashGroup
@@ -17,7 +17,7 @@ from advercity.conflicts.checks import (
     find_crowding,
     find_infeasibility,
 )
-from advercity.conflicts.ego_motion import EgoDrive, build_ego_drive
+from advercity.conflicts.ego_motion import build_ego_drive
 from advercity.conflicts.solver import solve_conflict
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.errors import InputError
@@ -25,6 +25,8 @@ from advercity.roads.plan_frame import mirror_conflict, mirror_road, to_plan_fra
 
 _logger = logging.getLogger(__name__)
 CrashGroups = Mapping[str, tuple[CrashGroup, ...]]
+EGO_WAITS_S = (0.0, 4.0, 8.0)
+"""Times that the ego waits longer than declared, until a conflict has room before it."""
 
 
 @dataclass(frozen=True)
@@ -35,16 +37,23 @@ class RoadConflicts:
     conflicts: tuple[Conflict, ...]
     crossed: Conflict | None = None
     """The conflict that the suite crosses roads with, whose id is part of the scenario's."""
+    elsewhere: tuple[Road, ...] = ()
+    """The road with the ego on other arms of its junction, for conflicts that cannot be staged."""
+
+    @property
+    def places(self) -> tuple["RoadConflicts", ...]:
+        """The conflicts with the ego on each arm."""
+        roads = (self.road, *self.elsewhere)
+        return tuple(replace(self, road=road, elsewhere=()) for road in roads)
+
+    def change_roads(self, change: Callable[[Road], Road]) -> "RoadConflicts":
+        """Return the conflicts with the road changed, on whichever arm the ego is."""
+        return replace(self, road=change(self.road), elsewhere=tuple(map(change, self.elsewhere)))
 
     @property
     def crossed_id(self) -> str | None:
         """Id of the conflict that the suite crosses roads with."""
         return self.crossed.id if self.crossed else None
-
-    @cached_property
-    def drive(self) -> EgoDrive:
-        """The ego's drive in the plan frame, which takes a second to predict."""
-        return build_ego_drive(to_plan_frame(self.road))
 
 
 class UnstageableError(Exception):
@@ -91,8 +100,11 @@ def solve_road_conflicts(
 ) -> tuple[tuple[StagedConflict, ...], Road]:
     """Solve the conflicts of a scenario; they are the same under every weather.
 
+    The ego comes from the first arm from which they can be staged. It waits longer than declared
+    where it would meet the first actor too soon.
+
     Returns:
-        The conflicts, and the road with lights timed for them.
+        The conflicts, and the road with lights and waits timed for them.
 
     Raises:
         DiagnosticsError: A conflict stages crash types of several groups.
@@ -100,8 +112,47 @@ def solve_road_conflicts(
     """
     if cell.road.trajectories is not None:
         return (), cell.road
+    refusals: list[UnstageableError] = []
+    for place in cell.places:
+        for longer_s in EGO_WAITS_S:
+            waiting = place.change_roads(partial(_let_ego_wait, longer_s=longer_s))
+            try:
+                return _solve_place(
+                    library, suite, waiting, density, blueprints, ego=ego, repeat_key=repeat_key
+                )
+            except UnstageableError as refusal:
+                refusals.append(refusal)
+                if not refusal.finding.comes_too_soon:
+                    break
+    raise refusals[0]
+
+
+def _let_ego_wait(road: Road, longer_s: float) -> Road:
+    name = next(name for name, place in road.agents.items() if place is road.ego)
+    return with_waits(road, {name: road.ego.waits_s + longer_s}) if longer_s else road
+
+
+def with_waits(road: Road, waits_s: Mapping[str, float]) -> Road:
+    """Return a road with other waits of vehicles, by name."""
+    agents = {
+        name: place.model_copy(update={"waits_s": waits_s[name]}) if name in waits_s else place
+        for name, place in road.agents.items()
+    }
+    return road.model_copy(update={"agents": agents})
+
+
+def _solve_place(
+    library: Library,
+    suite: Suite,
+    cell: RoadConflicts,
+    density: Density,
+    blueprints: Mapping[str, Blueprint],
+    *,
+    ego: Blueprint,
+    repeat_key: tuple[str, ...],
+) -> tuple[tuple[StagedConflict, ...], Road]:
     solutions: list[StagedConflict] = []
-    drive = cell.drive
+    drive = build_ego_drive(to_plan_frame(cell.road))
     for index, conflict in enumerate(cell.conflicts, start=1):
         if suite.resolved_by is not None:
             conflict = conflict.model_copy(update={"resolved_by": suite.resolved_by})
@@ -176,9 +227,13 @@ def find_typology(library: Library, conflict: Conflict) -> str:
 def _match_conflict(
     library: Library, conflict: Conflict, road: Road, groups: CrashGroups
 ) -> Binding:
-    typology = find_typology(library, conflict)
-    called_for = any(group.typology == typology for group in groups.get(road.id, ()))
+    called_for = _is_called_for(library, conflict, road, groups)
     return match_conflict(conflict, road, called_for=called_for)
+
+
+def _is_called_for(library: Library, conflict: Conflict, road: Road, groups: CrashGroups) -> bool:
+    typology = find_typology(library, conflict)
+    return any(group.typology == typology for group in groups.get(road.id, ()))
 
 
 def _select_listed(
@@ -253,12 +308,13 @@ def _select_crossed(
     misfits: list[str] = []
     for road in roads.values():
         for conflict in map(declared.__getitem__, wanted):
-            binding = _match_conflict(library, conflict, road, groups)
-            fits = binding.standing in suite.standings
-            moved = with_ego_manoeuvre(road, conflict) if fits else None
-            if moved is not None:
-                found.append(RoadConflicts(moved, (conflict,), crossed=conflict))
+            called_for = _is_called_for(library, conflict, road, groups)
+            places = (road, *library.find_entry(road).elsewhere)
+            cell = bind_crossed(conflict, places, suite.standings, called_for=called_for)
+            if cell is not None:
+                found.append(cell)
             else:
+                binding = match_conflict(conflict, road, called_for=called_for)
                 misfits.append(f"{road.id}: cannot stage {conflict.id}: {_explain(binding)}")
     if not found:
         raise DiagnosticsError(*_describe_misfits(library, suite, roads, groups, wanted))
@@ -266,6 +322,22 @@ def _select_crossed(
     for line in misfits if suite.cross_conflicts != "all" else ():
         _logger.warning("%s", line)
     return found
+
+
+def bind_crossed(
+    conflict: Conflict, places: Iterable[Road], standings: Sequence[str], *, called_for: bool
+) -> RoadConflicts | None:
+    """Bind a conflict to a road whose ego may be at several places; None if it fits at none."""
+    fitting = (
+        road
+        for road in places
+        if match_conflict(conflict, road, called_for=called_for).standing in standings
+    )
+    moved = (with_ego_manoeuvre(road, conflict) for road in fitting)
+    roads = [road for road in moved if road is not None]
+    if not roads:
+        return None
+    return RoadConflicts(roads[0], (conflict,), crossed=conflict, elsewhere=tuple(roads[1:]))
 
 
 def _explain(binding: Binding) -> str:

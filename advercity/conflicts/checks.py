@@ -31,11 +31,13 @@ class Finding:
         field: Path of the conflict's field that has to change.
         message: What is wrong.
         hint: What to do about it.
+        comes_too_soon: Whether it can happen if the ego sets out later.
     """
 
     field: tuple[str, ...]
     message: str
     hint: str
+    comes_too_soon: bool = False
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ def find_crowding(
     else:
         return None
     message = f"comes {left_s:.1f} s after {after}; at least {CALM_S:g} s are needed"
-    return Finding(("id",), message, hint)
+    return Finding(("id",), message, hint, comes_too_soon=meets_s < first_s)
 
 
 def _find_meeting_s(staged: StagedConflict) -> float:
@@ -133,7 +135,7 @@ def _check_approach(solution: _Solution) -> Finding | None:
         f" {asked} km/h asked for"
     )
     hint = "lower it, or start farther away"
-    return Finding(("parameters", "actor_speed_km_h"), message, hint)
+    return Finding(("parameters", "actor_speed_km_h"), message, hint, comes_too_soon=True)
 
 
 def _check_actor_speed(solution: _Solution) -> Finding | None:
@@ -173,7 +175,7 @@ def _check_arrival(solution: _Solution) -> Finding | None:
         f" {expected_s:.1f} s on '{solution.road.id}'"
     )
     hint = "let it start nearer or go faster"
-    return Finding(("parameters", "actor_speed_km_h"), message, hint)
+    return Finding(("parameters", "actor_speed_km_h"), message, hint, comes_too_soon=True)
 
 
 def _check_braking(solution: _Solution) -> Finding | None:

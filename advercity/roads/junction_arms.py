@@ -141,10 +141,11 @@ class JunctionArms:
     def _inbound_arms(self) -> tuple[str, ...]:
         return tuple(name for name in self.directions if self.list_turns(name))
 
-    def find_busiest_arm(self) -> str:
-        """Find the most northward arm with an opposite one, most manoeuvres and the crossing turn.
+    def rank_arms(self) -> list[str]:
+        """List the arms with traffic towards the junction, the busiest first.
 
-        That is the turn across oncoming traffic: to the left where traffic drives on the right.
+        Those with an opposite one come first, then those with most manoeuvres, with the turn across
+        oncoming traffic, and the most northward.
         """
         crossing_turn = "right" if self.is_left_hand else "left"
 
@@ -153,7 +154,7 @@ class JunctionArms:
             has_opposite = self._find_towards(direction + np.pi) is not None
             return has_opposite, len(turns), crossing_turn in turns, -_gap(direction, np.pi / 2)
 
-        return max(self._inbound_arms, key=rank)
+        return sorted(self._inbound_arms, key=rank, reverse=True)
 
 
 def find_junctions(planner: RoutePlanner, wanted: str | Sequence[str]) -> tuple[str, ...]:
@@ -322,6 +323,30 @@ class MisplacedAgentError(InputError):
         self.value_path = value_path
 
 
+def place_at_every_arm(road: Road, declared: JunctionAgents, junction: str) -> list[Road]:
+    """Place the agents of a road at a junction, with the ego on each arm that it may come from.
+
+    An ego without `arm` may come from all at which the others find their places, the busiest first.
+
+    Raises:
+        MisplacedAgentError: It can come from none.
+    """
+    name, ego = next(pair for pair in declared.agents.items() if _is_ego(pair[1]))
+    arms = [ego.arm] if ego.arm else JunctionArms.of_road(road, junction).rank_arms()
+    refusal = MisplacedAgentError(("at_junction", "junction"), f"no traffic crosses '{junction}'")
+    placed: list[Road] = []
+    for arm in reversed(arms):
+        agents = {**declared.agents, name: ego.model_copy(update={"arm": arm})}
+        moved = declared.model_copy(update={"agents": agents})
+        try:
+            placed.insert(0, place_junction_agents(road, moved, junction))
+        except MisplacedAgentError as error:
+            refusal = error
+    if not placed:
+        raise refusal
+    return placed
+
+
 def place_junction_agents(road: Road, declared: JunctionAgents, junction: str) -> Road:
     """Place the agents of a road at one of its junctions; MisplacedAgentError if one cannot be."""
     arms = JunctionArms.of_road(road, junction)
@@ -330,7 +355,7 @@ def place_junction_agents(road: Road, declared: JunctionAgents, junction: str) -
     # The ego first, since the arms of others may be relative to its.
     for name, item in sorted(declared.agents.items(), key=lambda pair: not _is_ego(pair[1])):
         try:
-            arm = arms.find_arm(item.arm, ego_arm) if item.arm else arms.find_busiest_arm()
+            arm = arms.find_arm(item.arm, ego_arm) if item.arm else arms.rank_arms()[0]
             if isinstance(item, ArmUnit):
                 agents[name] = place_unit(arms, arm, item)
                 continue

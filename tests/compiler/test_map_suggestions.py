@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -45,6 +46,29 @@ def test_a_junction_with_lights_is_suggested_conflicts_of_such(library: Path) ->
 def test_a_map_without_a_junction_of_three_arms_says_so() -> None:
     with pytest.raises(InputError, match="no junction of three arms"):
         suggest_conflicts(DATA / "bend.xodr", "opendrive")
+
+
+def test_the_ego_comes_from_the_arm_from_which_a_conflict_can_be_staged(
+    library: Path, tmp_path: Path
+) -> None:
+    """Without an arm to the south, two conflicts need an ego on the main street or not on it."""
+    file = tmp_path / "tee.osm"
+    file.write_text((DATA / "crossroads.osm").read_text().replace('<nd ref="3"/>', ""))
+    found = suggest_conflicts(file, "osm")
+    suggested = {
+        name for item in found.junctions if item.junction == "j1" for name in item.conflicts
+    }
+    list(write_suggestions(found, file, tmp_path))
+    suite = yaml.safe_load((tmp_path / "suite.yaml").read_text())
+    asked = {"cross_conflicts": ["ltap_od_ego_turns", "rtip"]}
+    (tmp_path / "suite.yaml").write_text(yaml.safe_dump(suite | asked))
+
+    specs = compile_library(library, tmp_path, suite="tee")
+
+    assert {*asked["cross_conflicts"]} <= suggested
+    headings = {spec.provenance.conflict: spec.road.ego.heading_deg for spec in specs}
+    assert abs(np.cos(np.radians(headings["ltap_od_ego_turns"]))) > 0.9
+    assert np.sin(np.radians(headings["rtip"])) < -0.9
 
 
 def test_arms_of_a_left_hand_map_are_those_of_the_world(tmp_path: Path) -> None:

@@ -136,7 +136,7 @@ def test_arms_and_turns_are_those_of_the_world(crossroads: Road):
     declared = Road.model_validate(AT_JUNCTION | {"imported": crossroads.imported}).at_junction
     road = as_left_hand(crossroads, agents={}, at_junction=declared, ego_routes={})
 
-    ((placed,), _) = place_agents(road)
+    ([(placed, *_)], _) = place_agents(road)
 
     ego, other, unit = (placed.agents[name] for name in ("cav1", "cav2", "rsu"))
     assert isinstance(ego, Vehicle)

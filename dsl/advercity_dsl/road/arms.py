@@ -20,7 +20,8 @@ class ArmVehicle(Model):
     role: Literal["ego", "other"] = "other"
     """Role of the vehicle; each road has one ego."""
     arm: Arm | None = None
-    """Arm that it comes from; by default that from which the ego can turn to most others."""
+    """Arm that it comes from; by default the busiest, for the ego one from which a crossed conflict
+    can be staged."""
     turn: Literal["straight", "left", "right"] | None = None
     """Where it goes; by default straight on if it can. A conflict decides where the ego goes."""
     start_m: PositiveMetres = 80
