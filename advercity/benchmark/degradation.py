@@ -9,11 +9,10 @@ import numpy as np
 from advercity.benchmark.evaluation import (
     EvaluationOptions,
     evaluate_predictions,
-    format_swept_value,
 )
 from advercity.benchmark.truth import VEHICLES
 from advercity.dataset.facts import ScenarioFacts, collect_scenario_facts
-from advercity.dataset.reader import Dataset, Scenario
+from advercity.dataset.reader import Dataset, Scenario, format_swept_value
 from advercity.dataset.scenario_folders import no_frames_error
 from advercity.dataset.statistics import StatisticsTable
 from advercity.dataset.statistics_plots import make_figure
@@ -83,7 +82,7 @@ def _group_by_value(scenarios: Sequence[Scenario]) -> tuple[str, dict[float, lis
     ]
     grouped: dict[float, list[ScenarioFacts]] = {}
     for value, scenario in sorted(pairs, key=lambda pair: pair[0]):
-        grouped.setdefault(value, []).append(collect_scenario_facts(scenario.path))
+        grouped.setdefault(value, []).append(collect_scenario_facts(scenario))
     return fields.pop(), grouped
 
 

@@ -39,7 +39,8 @@ from advercity.benchmark.truth import (
     load_frame_truth,
     to_box,
 )
-from advercity.dataset.reader import Dataset, FrameView, Scenario
+from advercity.dataset.boxes import UNCLASSIFIED
+from advercity.dataset.reader import FrameView, Scenario, open_scenarios
 from advercity.dataset.statistics import StatisticsTable
 from advercity.errors import InputError
 from advercity.geometry import poses
@@ -66,6 +67,7 @@ class EvaluationOptions:
         bootstrap: Draws for the intervals.
         frames: Recorded frames of each scenario that are evaluated, counted from the first kept
             one.
+        layout: Layout of a folder of others, as of `open_dataset`.
     """
 
     classes: tuple[str, ...] = VEHICLES
@@ -74,6 +76,7 @@ class EvaluationOptions:
     min_points: int = 0
     bootstrap: int = 200
     frames: slice = field(default_factory=lambda: slice(None))
+    layout: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,35 +132,34 @@ def evaluate_predictions(
             does not have, no object has one of the classes, or the area is empty.
     """
     options = options or EvaluationOptions()
-    _check_classes(options.classes)
+    if options.layout is None:
+        _check_classes(options.classes)
     if not all(0 < half_m < math.inf for half_m in options.range_m):
         raise InputError("`area` must be two lengths above 0 m")
-    loaded, scenes = load_predictions(predictions), Dataset(dataset).scenarios
-    written = [(scene.spec.id, number) for scene in scenes for number in scene.frame_numbers]
+    loaded, scenes = load_predictions(predictions), open_scenarios(dataset, options.layout)
+    written = [(scene.id, number) for scene in scenes for number in scene.frame_numbers]
     unknown = sorted(loaded.frames.keys() - set(written))
     if unknown:
         scenario, frame = unknown[0]
         message = f"frame {frame} of {scenario} is not in {dataset}"
         more = f", and {len(unknown) - 1} more" if len(unknown) > 1 else ""
         raise InputError(f"{predictions}: {message}{more}")
-    chosen = select_frames(dataset, options.frames)
+    chosen = select_frames(dataset, options.frames, options.layout)
     counted = _count_frames(chosen, loaded, options)
-    cuts = _CUTS
-    if any(scenario.spec.provenance.sweep for scenario in counted.scenes):
-        cuts = _CUTS | {"sweep": _split_by_scene(_describe_sweep)}
+    cuts = _list_cuts(counted.scenes)
     rows = [row for by, split in cuts.items() for row in _evaluate_cut(by, split, counted, options)]
     table = StatisticsTable(
         "benchmark",
         "Average precision by cell",
         {name: [row[name] for row in rows] for name in rows[0]},
     )
-    keys = {(frame.scenario.spec.id, frame.index) for frame in chosen}
+    keys = {(frame.scenario.id, frame.index) for frame in chosen}
     return Evaluation(table, len(keys), len(keys - loaded.frames.keys()))
 
 
 def _check_classes(classes: Sequence[str]) -> None:
     """Raise InputError for a class that no object has."""
-    known = get_args(ActorClass)
+    known = (*get_args(ActorClass), UNCLASSIFIED)
     for name in classes:
         if name not in known:
             raise InputError(f"unknown class '{name}'; {suggest_name(name, known)}")
@@ -181,7 +183,7 @@ def _count_frames(
             range_m=options.range_m,
             min_points=options.min_points,
         )
-        line = predictions.frames.get((frame.scenario.spec.id, frame.index), NO_PREDICTIONS)
+        line = predictions.frames.get((frame.scenario.id, frame.index), NO_PREDICTIONS)
         kept = _select_predictions(line, frame, predictions, options)
         for overlap, rows in _match_frame(kept, truth, count).items():
             matched[overlap].append(rows)
@@ -229,7 +231,7 @@ def _to_lidar(boxes: Float64Array, frame: FrameView, coordinates: str) -> Float6
         return boxes * (1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0)
     if coordinates == "lidar" or not len(boxes):
         return boxes
-    ego = frame[frame.scenario.spec.ego.id]
+    ego = frame[frame.scenario.ego]
     lidar_from_world = poses.invert_pose(ego.world_from_lidar)
     rows = [
         to_box(lidar_from_world @ poses.pose_matrix((x, y, z), yaw=yaw), np.array([*size]))
@@ -260,16 +262,6 @@ def _split_by_scene(describe: Callable[[Scenario], str]) -> _Split:
     return split
 
 
-def _describe_sweep(scenario: Scenario) -> str:
-    swept = scenario.spec.provenance.sweep
-    return "none" if swept is None else format_swept_value(swept.value)
-
-
-def format_swept_value(value: float) -> str:
-    """Format the value of a swept field, as cells are named."""
-    return f"{value:g}"
-
-
 def _split_by_distance(
     counted: _Counted,
 ) -> tuple[Sequence[str], NDArray[np.int64], NDArray[np.int64]]:
@@ -296,15 +288,19 @@ def _name_distances() -> list[str]:
     return [*inner, f"from {DISTANCE_EDGES_M[-1]:g} m"]
 
 
-_CUTS: dict[str, _Split] = {
-    "all": _split_by_scene(lambda scenario: "all"),
-    "weather": _split_by_scene(lambda scenario: scenario.spec.weather.id),
-    "time": _split_by_scene(lambda scenario: scenario.spec.weather.time),
-    "density": _split_by_scene(lambda scenario: scenario.spec.density.id),
-    "road": _split_by_scene(lambda scenario: scenario.spec.road.id),
-    "distance": _split_by_distance,
-    "points": _split_by_points,
-}
+def _list_cuts(scenes: Sequence[Scenario]) -> dict[str, _Split]:
+    """List the cuts by what the scenarios say of themselves, by distance and by points."""
+    labels = dict.fromkeys(name for scene in scenes for name in scene.labels)
+    return {
+        "all": _split_by_scene(lambda scene: "all"),
+        **{name: _split_by_label(name) for name in labels},
+        "distance": _split_by_distance,
+        "points": _split_by_points,
+    }
+
+
+def _split_by_label(name: str) -> _Split:
+    return _split_by_scene(lambda scene: scene.labels.get(name, "none"))
 
 
 def _evaluate_cut(

@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.dataset.agent_view import AgentView
+from advercity.dataset.boxes import UNCLASSIFIED
 from advercity.dataset.reader import FrameView
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array
 from advercity.geometry.poses import Matrix
 
-VEHICLES = ("car", "van", "truck")
-"""Classes that the original's benchmark has: without two-wheelers and people."""
+VEHICLES = ("car", "van", "truck", UNCLASSIFIED)
+"""Classes that the original's benchmark has, without two-wheelers and people; and that of OPV2V's
+objects."""
 COMMUNICATION_RANGE_M = 70.0
 """Agents within this distance of the ego cooperate, as in OPV2V's configurations."""
 RANGE_M = (140.0, 40.0)
@@ -59,8 +61,7 @@ def load_frame_truth(
         range_m: Half length and half width of the area ahead and to the side of the ego's LiDAR.
         min_points: Points of all cooperating agents together that an object needs to count.
     """
-    spec = frame.scenario.spec
-    ego = frame[spec.ego.id]
+    ego = frame[frame.scenario.ego]
     lidar_from_world = poses.invert_pose(ego.world_from_lidar)
     found: dict[int, tuple[tuple[float, ...], str]] = {}
     points: dict[int, int] = {}
@@ -72,16 +73,17 @@ def load_frame_truth(
                 pose = lidar_from_world @ annotated.world_from_box[row]
                 size = annotated.sizes[row]
                 found[number] = (to_box(pose, size), str(annotated.classes[row]))
-    own = spec.ego.number
-    blueprint = spec.blueprints[str(spec.ego.blueprint)]
-    size = np.array(blueprint.size)
-    centre = poses.pose_matrix((0.0, 0.0, blueprint.height_m / 2))
     # Of no class, whatever others annotate it as: it does not count.
-    found[own] = (to_box(lidar_from_world @ ego.world_from_agent @ centre, size), "")
+    size = frame.scenario.ego_size
+    if size is not None:
+        pose = ego.world_from_agent @ poses.pose_matrix((0.0, 0.0, size[2] / 2))
+        found[ego.number] = (to_box(lidar_from_world @ pose, np.array(size)), "")
+    elif ego.number in found:
+        found[ego.number] = (found[ego.number][0], "")
     numbers = list(found)
-    boxes = np.array([found[number][0] for number in numbers])
+    boxes = np.reshape([found[number][0] for number in numbers], (-1, 7)).astype(np.float64)
     counts = np.array([points.get(number, 0) for number in numbers], np.int64)
-    is_wanted = np.array([found[number][1] in classes for number in numbers])
+    is_wanted = np.array([found[number][1] in classes for number in numbers], np.bool_)
     ids = np.array(numbers, np.int64)
     is_counted = is_wanted & (counts >= min_points) & is_within(boxes, range_m)
     return FrameTruth(boxes, ids, counts, is_counted)

@@ -13,6 +13,13 @@ DEFAULT_LIBRARIES = [Path("library")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 SpecArgument = Annotated[list[Path], typer.Argument(help="Compiled specs (*.json).")]
 DatasetArgument = Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")]
+LayoutOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Layout of a folder of others, without manifests: opv2v (also V2XSet and V2V4Real) or"
+        " adver_city."
+    ),
+]
 BackendOption = Annotated[str, typer.Option(help="Rendering backend.")]
 AutoBackendOption = Annotated[
     str,

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from advercity.cli.arguments import DatasetArgument, JsonOption, parse_frame_slice
-from advercity.cli.output import print_data, print_remark
+from advercity.cli.arguments import DatasetArgument, JsonOption, LayoutOption, parse_frame_slice
+from advercity.cli.output import print_data, print_remark, print_unread
 
 benchmark = typer.Typer(
     name="benchmark",
@@ -141,8 +141,9 @@ def evaluate(
         Path | None, typer.Option(help="Folder for benchmark.csv.", file_okay=False)
     ] = None,
     classes: Annotated[
-        str, typer.Option(help="Classes that count, separated by commas.")
-    ] = "car,van,truck",
+        str,
+        typer.Option(help="Classes that count, separated by commas; vehicle are those of OPV2V."),
+    ] = "car,van,truck,vehicle",
     communication_range: Annotated[
         float, typer.Option(min=0, help="Agents within so many metres of the ego cooperate.")
     ] = 70.0,
@@ -157,6 +158,7 @@ def evaluate(
     bootstrap: Annotated[
         int, typer.Option(min=2, max=100_000, help="Draws of scenes for the intervals.")
     ] = 200,
+    layout: LayoutOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Evaluate predictions of any model on a dataset.
@@ -178,6 +180,7 @@ def evaluate(
         min_points=min_points,
         bootstrap=bootstrap,
         frames=parse_frame_slice(frames),
+        layout=layout,
     )
     found = evaluate_predictions(predictions, dataset, options)
     if output is not None:
@@ -188,6 +191,7 @@ def evaluate(
         print_data(format_json(plain))
     else:
         print_data(format_columns([_format_row(row) for row in rows]))
+    print_unread(dataset, layout)
     if found.missing_frames:
         count = f"{found.missing_frames} of {found.frames}"
         print_remark(f"{count} frames have no line: they count as ones in which nothing was found")

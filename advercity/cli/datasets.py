@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advercity.cli.arguments import DatasetArgument, split_names
-from advercity.cli.output import print_data, print_remark
+from advercity.cli.arguments import DatasetArgument, LayoutOption, split_names
+from advercity.cli.output import print_data, print_remark, print_unread
 from advercity.errors import RunError
 
 if TYPE_CHECKING:
@@ -187,6 +187,7 @@ def stats(
     output: Annotated[
         Path, typer.Option(help="Folder for tables and plots.", file_okay=False)
     ] = Path("stats"),
+    layout: LayoutOption = None,
 ) -> None:
     """Count what a dataset holds: tables as CSV, plots as PNG."""
     from advercity.dataset.facts import collect_dataset_facts
@@ -195,9 +196,10 @@ def stats(
     from advercity.output_files import check_is_outside_scenarios
 
     check_is_outside_scenarios(output)
-    found = compute_tables(collect_dataset_facts(dataset))
+    found = compute_tables(collect_dataset_facts(dataset, layout))
     write_tables(found, output)
     write_plots(found, output)
+    print_unread(dataset, layout)
     print_data(str(output))
 
 

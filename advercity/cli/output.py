@@ -13,6 +13,8 @@ from rich.console import Console
 from advercity.errors import escape_control_characters
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from advercity_dsl import Spec
 
 stderr_console = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
@@ -66,6 +68,20 @@ def print_left_out(specs: "Iterable[Spec]") -> None:
     for road in roads.values():
         if road.left_out:
             print_remark(f"road '{road.id}': left out: {describe_left_out(road.left_out)}")
+
+
+def print_unread(dataset: "Path", layout: str | None) -> None:
+    """Print what a folder of others does not hold, and what of it is not read."""
+    if layout is None:
+        return
+    from advercity.dataset.foreign_folders import NOT_HELD, open_foreign_scenarios
+    from advercity.foreign.ledger import describe_left_out, merge_left_out
+
+    print_remark(f"{dataset}: not in these files: {', '.join(NOT_HELD)}")
+    scenarios = open_foreign_scenarios(dataset, layout)
+    found = merge_left_out(*(scenario.left_out for scenario in scenarios))
+    if found:
+        print_remark(f"{dataset}: left out: {describe_left_out(found)}")
 
 
 OPTION_PARAMETERS = (

@@ -60,8 +60,12 @@ REPAIR_HINT = "`advercity verify` lists all such files, `advercity repair` resto
 
 
 @contextmanager
-def report_read_errors(path: Path) -> Generator[None]:
+def report_read_errors(path: Path, hint: str = REPAIR_HINT) -> Generator[None]:
     """Name the file in any error that reading or parsing it raises.
+
+    Args:
+        path: The file.
+        hint: How to get a whole one.
 
     Raises:
         InputError: It is missing or damaged.
@@ -70,11 +74,11 @@ def report_read_errors(path: Path) -> Generator[None]:
     try:
         yield
     except FileNotFoundError as error:
-        raise InputError(f"{path}: is missing; {REPAIR_HINT}") from error
+        raise InputError(f"{path}: is missing; {hint}") from error
     except OSError as error:
         raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: is damaged; {REPAIR_HINT}") from error
+        raise InputError(f"{path}: is damaged; {hint}") from error
 
 
 class AgentView:
@@ -85,17 +89,47 @@ class AgentView:
     kept.
 
     Args:
-        agent: The agent.
+        agent: The agent with its sensor rig; None where only its files are known.
         index: Number of the frame, counted from the first kept one.
         layout: Layout of the files.
         stem: Beginning of the paths of all its files.
     """
 
-    def __init__(self, agent: Agent, index: int, layout: DatasetFormat, stem: Path) -> None:
-        self.agent = agent
+    hint = REPAIR_HINT
+    """How to get whole files in place of damaged ones."""
+
+    def __init__(self, agent: Agent | None, index: int, layout: DatasetFormat, stem: Path) -> None:
+        self._agent = agent
         self.index = index
         self._format = layout
         self._stem = stem
+
+    @property
+    def agent(self) -> Agent:
+        """The agent with its sensor rig; InputError where only its files are known."""
+        if self._agent is None:
+            raise InputError(f"{self._stem.parent}: its files do not say what rig the agent has")
+        return self._agent
+
+    @property
+    def id(self) -> str:
+        """Id of the agent."""
+        return self.agent.id
+
+    @property
+    def number(self) -> int:
+        """Id of the agent in annotations; negative for roadside units."""
+        return self.agent.number
+
+    @property
+    def is_ego(self) -> bool:
+        """Whether the agent is the ego."""
+        return self.agent.is_ego
+
+    @property
+    def is_roadside_unit(self) -> bool:
+        """Whether the agent is a roadside unit, else a vehicle."""
+        return self.agent.place.kind == "roadside_unit"
 
     @property
     def cameras(self) -> int:
@@ -167,8 +201,8 @@ class AgentView:
 
     def load_readout(self, camera: int) -> CameraReadout:
         """Load what the values of a camera's linear and raw images mean in this frame."""
-        _check_number("camera", camera, self.cameras, self.agent.id)
-        with report_read_errors(self.path("_objects.json")):
+        _check_number("camera", camera, self.cameras, self.id)
+        with report_read_errors(self.path("_objects.json"), self.hint):
             found: dict[str, Any] = dict(self.extras["readouts"][f"camera{camera}"])
             found["white_point"] = tuple(found["white_point"])
             return CameraReadout(**found)
@@ -181,10 +215,10 @@ class AgentView:
         self._check_asked(kind, camera, f"truth: [{kind}]")
 
     def _check_asked(self, kind: str, camera: int, declaration: str) -> None:
-        _check_number("camera", camera, self.cameras, self.agent.id)
+        _check_number("camera", camera, self.cameras, self.id)
         if not self.has_truth(kind, camera):
             raise InputError(
-                f"camera{camera} of {self.agent.id} has no images of kind {kind}; ask for them with"
+                f"camera{camera} of {self.id} has no images of kind {kind}; ask for them with"
                 f" `{declaration}` in the camera of its rig"
             )
 
@@ -214,7 +248,7 @@ class AgentView:
         `object_id`, `kind` of `PointKind`, and `raw_x`, `raw_y`, `raw_z` if the sensor rig has
         `motion_distortion`.
         """
-        _check_number("LiDAR", lidar, self.lidars, self.agent.id)
+        _check_number("LiDAR", lidar, self.lidars, self.id)
         # A copy, because an array over the bytes of a file is read-only.
         path = self.path(self._format.format_cloud_suffix(lidar))
         table = self._format.read_cloud(path).copy()
@@ -237,19 +271,19 @@ class AgentView:
         Fields: `x`, `y`, `z` in the radar's frame; `velocity` in m/s, positive for what moves away;
         `rcs` in dB over 1 m²; `snr` in dB; `object_id`; `kind` of `PointKind`.
         """
-        _check_number("radar", radar, self.radars, self.agent.id)
+        _check_number("radar", radar, self.radars, self.id)
         table = read_pcd(self.path(self._format.format_radar_suffix(radar)), RADAR_POINT).copy()
         mirror_columns(table)
         return table
 
     def load_radar_cube(self, radar: int) -> RadarCube:
         """Load the powers of all cells of a radar whose rig has `output: cube`."""
-        _check_number("radar", radar, self.radars, self.agent.id)
+        _check_number("radar", radar, self.radars, self.id)
         return load_cube(self.path(self._format.format_cube_suffix(radar)))
 
     def load_radar_pose(self, radar: int) -> Matrix:
         """Load the pose (4, 4) of a radar: x forward, y left, z up."""
-        _check_number("radar", radar, self.radars, self.agent.id)
+        _check_number("radar", radar, self.radars, self.id)
         return self._parse_pose(f"radar{radar}_pose")
 
     @property
@@ -278,18 +312,18 @@ class AgentView:
 
     def load_thermal_pose(self, camera: int) -> Matrix:
         """Load the pose (4, 4) of a thermal camera in body axes, as `world_from_camera`."""
-        _check_number("thermal camera", camera, self.thermals, self.agent.id)
+        _check_number("thermal camera", camera, self.thermals, self.id)
         return self._parse_pose(f"thermal{camera}", "cords")
 
     def load_thermal_model(self, camera: int) -> CameraModel:
         """Load the projection of a thermal camera."""
-        _check_number("thermal camera", camera, self.thermals, self.agent.id)
+        _check_number("thermal camera", camera, self.thermals, self.id)
         matrix = self._load_matrix(f"thermal{camera}")
         width, height = np.rint(2 * matrix[:2, 2]).astype(int).tolist()
         return CameraModel(width, height, float(matrix[0, 0]))
 
     def _read_thermal(self, kind: str, camera: int, mode: int) -> NDArray[np.uint8]:
-        _check_number("thermal camera", camera, self.thermals, self.agent.id)
+        _check_number("thermal camera", camera, self.thermals, self.id)
         suffix = f"_{kind}{camera}.png"
         if suffix not in self._format.list_thermal_suffixes(camera):
             raise InputError(
@@ -314,43 +348,47 @@ class AgentView:
     @cached_property
     def description(self) -> dict[str, Any]:
         """The frame's YAML as it is in the file: left-handed, degrees, km/h; read once."""
+        return self._load_description()
+
+    def _load_description(self) -> dict[str, Any]:
         path = self.path(".yaml")
-        with report_read_errors(path):
-            return parse_yaml(read_bytes(path, max_bytes=MAX_YAML_BYTES), path, hint=REPAIR_HINT)
+        with report_read_errors(path, self.hint):
+            return parse_yaml(read_bytes(path, max_bytes=MAX_YAML_BYTES), path, hint=self.hint)
 
     @property
     def extras(self) -> dict[str, Any]:
         """The content of `_objects.json`, left-handed as in the file; read at every use."""
         path = self.path("_objects.json")
-        with report_read_errors(path):
-            return parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path, hint=REPAIR_HINT)
+        with report_read_errors(path, self.hint):
+            return parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path, hint=self.hint)
 
     @property
     def motion(self) -> tuple[GnssFix | None, ImuSample | None]:
         """What receiver and inertial unit reported, where the agent has them; read at every use."""
         document = self._load_motion()
-        with report_read_errors(self.path(self._format.motion_suffix)):
+        with report_read_errors(self.path(self._format.motion_suffix), self.hint):
             gnss, imu = document.get("gnss"), document.get("imu")
             return gnss and parse_gnss(gnss), imu and parse_imu(imu)
 
     @property
     def can(self) -> CanSample | None:
         """Signals of the vehicle's bus, where its rig has them; read at every use."""
-        if self.agent.sensors.can is None:
-            return None
         document = self._load_motion()
-        with report_read_errors(self.path(self._format.motion_suffix)):
+        with report_read_errors(self.path(self._format.motion_suffix), self.hint):
             signals = document.get("can")
             return signals and parse_can(signals)
 
     def _load_motion(self) -> dict[str, Any]:
         """Load what receiver, inertial unit and bus reported; nothing of agents without them."""
-        if not has_motion_file(self.agent):
+        if not self._has_motion_file():
             return {}
         path = self.path(self._format.motion_suffix)
-        with report_read_errors(path):
+        with report_read_errors(path, self.hint):
             raw = read_bytes(path, max_bytes=MAX_YAML_BYTES)
-            return parse_yaml(raw, path, hint=REPAIR_HINT) or {}
+            return parse_yaml(raw, path, hint=self.hint) or {}
+
+    def _has_motion_file(self) -> bool:
+        return has_motion_file(self.agent)
 
     @property
     def messages_suffix(self) -> str:
@@ -360,8 +398,8 @@ class AgentView:
     def load_messages_document(self) -> dict[str, Any]:
         """Load the content of that file, left-handed as it is; read at every use."""
         path = self.path(self.messages_suffix)
-        with report_read_errors(path):
-            return parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path, hint=REPAIR_HINT)
+        with report_read_errors(path, self.hint):
+            return parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path, hint=self.hint)
 
     @property
     def world_from_agent(self) -> Matrix:
@@ -375,7 +413,7 @@ class AgentView:
 
     def load_lidar_pose(self, lidar: int) -> Matrix:
         """Load the pose (4, 4) of a LiDAR."""
-        _check_number("LiDAR", lidar, self.lidars, self.agent.id)
+        _check_number("LiDAR", lidar, self.lidars, self.id)
         return self._parse_pose(f"lidar{lidar or ''}_pose")
 
     def world_from_camera(self, camera: int) -> Matrix:
@@ -387,7 +425,7 @@ class AgentView:
         return self._load_matrix(f"camera{camera}")
 
     def _load_matrix(self, name: str) -> NDArray[np.float64]:
-        with report_read_errors(self.path(".yaml")):
+        with report_read_errors(self.path(".yaml"), self.hint):
             return np.reshape(self._get_described(name, "intrinsic"), (3, 3)).astype(np.float64)
 
     def pixels(self, camera: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -406,10 +444,10 @@ class AgentView:
 
     def rolling_camera(self, camera: int) -> RollingCamera | None:
         """Return the poses of a camera while its rows are exposed; None if all are at once."""
-        if not self.agent.sensors.cameras[camera].camera.is_rolling:
-            return None
         name = f"camera{camera}"
-        with report_read_errors(self.path(".yaml")):
+        if "readout" not in self._get_described(name):
+            return None
+        with report_read_errors(self.path(".yaml"), self.hint):
             return RollingCamera(
                 readout_s=float(self._get_described(name, "readout")),
                 upper=self._parse_pose(name, "cords_upper_edge"),
@@ -439,9 +477,7 @@ class AgentView:
 
         All others measured at the frame's time.
         """
-        if not self.agent.sensors.has_rates:
-            return {}
-        with report_read_errors(self.path(".yaml")):
+        with report_read_errors(self.path(".yaml"), self.hint):
             found: dict[str, Any] = self.description.get("stamps", {})
             return {name: float(time_s) for name, time_s in found.items()}
 
@@ -450,7 +486,7 @@ class AgentView:
 
         It is `world_from_agent` unless the sensor has a rate of its own.
         """
-        if f"{kind}{number}" not in self.stamps or self.agent.place.kind == "roadside_unit":
+        if f"{kind}{number}" not in self.stamps or self.is_roadside_unit:
             return self.world_from_agent
         sensors = self.agent.sensors
         if kind == "camera":
@@ -464,13 +500,13 @@ class AgentView:
     @property
     def speed_m_s(self) -> float:
         """Speed of the vehicle; 0 for a roadside unit."""
-        with report_read_errors(self.path(".yaml")):
+        with report_read_errors(self.path(".yaml"), self.hint):
             return to_m_s(float(self._get_described("ego_speed")))
 
     @property
     def boxes(self) -> Boxes:
         """The annotated objects: vehicles first, then pedestrians."""
-        with report_read_errors(self.path(".yaml")):
+        with report_read_errors(self.path(".yaml"), self.hint):
             return parse_boxes(self._get_described("vehicles") | self._get_described("walkers"))
 
     def load_steady_boxes(self) -> Boxes:
@@ -487,7 +523,7 @@ class AgentView:
     def load_velocities(self) -> NDArray[np.float64]:
         """Load the velocities (n, 3) of the objects of `boxes` in the world, m/s."""
         objects, ids = self.extras["objects"], self.boxes.ids.tolist()
-        with report_read_errors(self.path("_objects.json")):
+        with report_read_errors(self.path("_objects.json"), self.hint):
             found = [objects[str(number)]["velocity_m_s"] for number in ids]
             return mirror_points(np.reshape(found, (-1, 3)))
 
@@ -496,7 +532,7 @@ class AgentView:
         return self._stem.with_name(self._stem.name + suffix)
 
     def _parse_pose(self, *keys: str) -> Matrix:
-        with report_read_errors(self.path(".yaml")):
+        with report_read_errors(self.path(".yaml"), self.hint):
             return matrix_from_carla_pose(self._get_described(*keys))
 
     def _get_described(self, *keys: str) -> Any:
@@ -510,7 +546,7 @@ class AgentView:
         return value
 
     def _read_camera(self, kind: str, camera: int, mode: int) -> NDArray[np.uint8]:
-        _check_number("camera", camera, self.cameras, self.agent.id)
+        _check_number("camera", camera, self.cameras, self.id)
         return self._read_image(f"_{kind}{camera}.png", mode)
 
     def _read_image(self, suffix: str, mode: int) -> NDArray[np.uint8]:
@@ -524,7 +560,7 @@ class AgentView:
         except (OSError, cv2.error):  # missing, or empty
             pass
         if image is None:
-            raise InputError(f"{path}: is missing or no image; {REPAIR_HINT}")
+            raise InputError(f"{path}: is missing or no image; {self.hint}")
         return image
 
 

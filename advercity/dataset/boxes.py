@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from advercity.dataset.carla_frame import matrix_from_carla_pose, mirror_angle, mirror_points
 
+UNCLASSIFIED = "vehicle"
+"""Class of an object in folders of others of which only that is known."""
 _Speed = TypeVar("_Speed", float, NDArray[np.float64])
 
 
@@ -20,14 +22,15 @@ class Boxes:
 
     Attributes:
         ids: (n,) int64, the same for the same object in all frames and agents of a scenario.
-        classes: (n,) text: car, van, truck, bicycle, motorcycle or pedestrian.
+        classes: (n,) text: car, van, truck, bicycle, motorcycle or pedestrian; `vehicle` or other
+            names in folders of others.
         world_from_box: (n, 4, 4); origin in the middle of the box, x forward, y left, z up.
         locations: (n, 3) points that move as the bodies do: on the ground, of people half-way up.
         sizes: (n, 3) full length, width and height in metres.
         speeds_m_s: (n,).
         distances_m: (n,) from the agent's origin.
         bearings_rad: (n,) direction from the agent; 0 ahead, positive to the left.
-        lidar_hits: (n,) beams of the noise-free LiDAR that hit it.
+        lidar_hits: (n,) beams of the noise-free LiDAR that hit it; -1 if unknown.
         lidar_points: (n,) points that it returned in this weather.
         visible_fraction: (n,) largest fraction of it that one of the agent's cameras shows, 0 to 1.
         is_parked: (n,) whether it is a parked car.

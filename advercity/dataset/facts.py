@@ -19,8 +19,8 @@ from advercity.dataset.message_facts import (
     collect_age_facts,
     collect_message_facts,
 )
-from advercity.dataset.reader import FrameView, Scenario
-from advercity.dataset.scenario_folders import find_scenarios, no_frames_error
+from advercity.dataset.reader import FrameView, Scenario, open_scenarios
+from advercity.dataset.scenario_folders import no_frames_error
 from advercity.dataset.weather_truth import WeatherTruth
 from advercity.errors import RunError
 from advercity.physics.timeline import WeatherTimeline
@@ -48,6 +48,8 @@ Fields that begin with `ego` are NaN where the ego does not annotate it; `ego_de
 radars, also where it has none. `visible_fraction` is the maximum over all agents.
 """
 _NOT_BY_EGO = (np.nan,) * 5
+UNKNOWN_LABEL = "unknown"
+"""Road, density and weather of scenarios that do not say them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +57,10 @@ class ScenarioFacts:
     """Facts of one scenario.
 
     Attributes:
-        road: Id of the road.
+        road: Id of the road; `unknown` of a folder of others, as density and weather.
         density: Id of the density.
         weather: Id of the weather.
-        weathers: (frames,) weather of each frame in physical quantities.
+        weathers: (frames,) weather of each frame in physical quantities; empty if it is unknown.
         objects: (n,) of `OBJECT_FACT`, without parked cars.
         parked: (m,) of `OBJECT_FACT`, the parked cars.
         num_annotations: (frames,) number of `objects`.
@@ -88,20 +90,24 @@ class ScenarioFacts:
         return len(self.num_annotations)
 
 
-def collect_dataset_facts(dataset: Path) -> list[ScenarioFacts]:
+def collect_dataset_facts(dataset: Path, layout: str | None = None) -> list[ScenarioFacts]:
     """Collect the facts of every scenario that has frames, scenarios in parallel processes.
+
+    Args:
+        dataset: The folder.
+        layout: Layout of a folder of others, as of `open_dataset`.
 
     Raises:
         InputError: There is no dataset, it has no frames, or a file of it cannot be read.
         RunError: A process that reads it cannot start, or was ended.
     """
-    folders = find_scenarios(dataset)
+    scenarios = open_scenarios(dataset, layout)
     # Forking a process that has threads, as OpenCV starts them, may deadlock.
     try:
         with ProcessPoolExecutor(
             mp_context=get_context("spawn"), initializer=end_with_parent, initargs=(os.getpid(),)
         ) as pool:
-            facts = list(pool.map(collect_scenario_facts, folders))
+            facts = list(pool.map(collect_scenario_facts, scenarios))
     except BrokenProcessPool as error:
         raise RunError(
             f"{dataset}: a process that read it has ended; is memory short, or may it not start?"
@@ -112,28 +118,29 @@ def collect_dataset_facts(dataset: Path) -> list[ScenarioFacts]:
     return found
 
 
-def collect_scenario_facts(folder: Path) -> ScenarioFacts:
+def collect_scenario_facts(scenario: Scenario) -> ScenarioFacts:
     """Collect the facts of one scenario; InputError if a file of it cannot be read."""
-    scenario = Scenario(folder)
     found = [_collect_frame_facts(frame) for frame in scenario]
-    timeline = WeatherTimeline.from_spec(scenario.spec)
-    none = np.empty(0, OBJECT_FACT)
+    none, labels = np.empty(0, OBJECT_FACT), scenario.labels
     return ScenarioFacts(
-        road=scenario.spec.road.id,
-        density=scenario.spec.density.id,
-        weather=scenario.spec.weather.id,
-        weathers=tuple(
-            WeatherTruth.from_weather(timeline.weather_at(frame.index)) for frame in scenario
-        ),
+        road=labels.get("road", UNKNOWN_LABEL),
+        density=labels.get("density", UNKNOWN_LABEL),
+        weather=labels.get("weather", UNKNOWN_LABEL),
+        weathers=_list_weathers(scenario) if "weather" in labels else (),
         objects=np.concatenate([none, *(item.objects for item in found)]),
         parked=np.concatenate([none, *(item.parked for item in found)]),
         num_annotations=np.array([len(item.objects) for item in found], np.int64),
         speeds_km_h=np.array([item.speeds_km_h for item in found], np.float64),
-        radars=sum(len(agent.sensors.radars) for agent in scenario.spec.agents),
+        radars=sum(view.radars for view in scenario[0].views.values()) if found else 0,
         radar_detections=np.array([item.radar_detections for item in found], np.int64),
         messages=np.concatenate([NO_MESSAGES, *(item.messages for item in found)]),
         message_ages=np.concatenate([NO_AGES, *(item.message_ages for item in found)]),
     )
+
+
+def _list_weathers(scenario: Scenario) -> tuple[WeatherTruth, ...]:
+    timeline = WeatherTimeline.from_spec(scenario.spec)
+    return tuple(WeatherTruth.from_weather(timeline.weather_at(frame.index)) for frame in scenario)
 
 
 class _FrameFacts(NamedTuple):
@@ -149,9 +156,9 @@ class _FrameFacts(NamedTuple):
 
 def _collect_frame_facts(frame: FrameView) -> _FrameFacts:
     # The ego first: of an object that several agents annotate, its row is kept.
-    views = sorted(frame.views.values(), key=lambda view: not view.agent.is_ego)
-    vehicles = [view for view in views if view.agent.place.kind == "vehicle"]
-    connected = {view.agent.number for view in vehicles}
+    views = sorted(frame.views.values(), key=lambda view: not view.is_ego)
+    vehicles = [view for view in views if not view.is_roadside_unit]
+    connected = {view.number for view in vehicles}
     objects: dict[int, tuple[Any, ...]] = {}
     visible: dict[int, float] = {}
     parked: set[int] = set()
@@ -160,17 +167,18 @@ def _collect_frame_facts(frame: FrameView) -> _FrameFacts:
         boxes, detections = view.boxes, _load_detections(view)
         radar_detections += np.bincount(detections["kind"], minlength=len(PointKind))
         detected = _count_detections(view, detections, boxes.ids)
+        hits = np.where(boxes.lidar_hits < 0, np.nan, boxes.lidar_hits)
         parked.update(boxes.ids[boxes.is_parked].tolist())
         for row, number in enumerate(boxes.ids.tolist()):
-            visible[number] = max(visible.get(number, 0.0), boxes.visible_fraction[row])
+            visible[number] = np.fmax(visible.get(number, np.nan), boxes.visible_fraction[row])
             by_agent = (
                 *(boxes.distances_m[row], boxes.bearings_rad[row]),
-                *(boxes.lidar_hits[row], boxes.lidar_points[row], detected[row]),
+                *(hits[row], boxes.lidar_points[row], detected[row]),
             )
             fact = (
                 *(frame.index, number, boxes.classes[row], number in connected),
                 boxes.speeds_m_s[row] * KM_H_PER_M_S,
-                *(by_agent if view.agent.is_ego else _NOT_BY_EGO),
+                *(by_agent if view.is_ego else _NOT_BY_EGO),
             )
             objects.setdefault(number, fact)
     facts = np.array([(*fact, visible[number]) for number, fact in objects.items()], OBJECT_FACT)

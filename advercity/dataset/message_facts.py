@@ -35,7 +35,7 @@ NO_MESSAGES, NO_AGES = np.empty(0, MESSAGE_FACT), np.empty(0, AGE_FACT)
 
 def collect_message_facts(frame: FrameView) -> NDArray[np.void]:
     """Collect what is sent (n,) of `MESSAGE_FACT` in a frame, if there is a channel."""
-    if frame.scenario.spec.channel is None:
+    if frame.scenario.channel is None:
         return NO_MESSAGES
     truth = {name: view.world_from_agent for name, view in frame.views.items()}
     facts: list[tuple[Any, ...]] = []
@@ -52,10 +52,10 @@ def collect_message_facts(frame: FrameView) -> NDArray[np.void]:
 
 def collect_age_facts(frame: FrameView) -> NDArray[np.void]:
     """Collect what the ego has (n,) of `AGE_FACT` in a frame, if there is a channel."""
-    if frame.scenario.spec.channel is None:
+    if frame.scenario.channel is None:
         return NO_AGES
-    ego = frame.scenario.spec.ego.id
-    facts = [(frame.index, item.kind.value, item.age_s) for item in frame.messages(ego)]
+    own = frame.messages(frame.scenario.ego)
+    facts = [(frame.index, item.kind.value, item.age_s) for item in own]
     return np.array(facts, AGE_FACT)
 
 

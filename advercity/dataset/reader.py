@@ -6,7 +6,7 @@ for it, and is not kept, except for the manifest.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
@@ -33,7 +33,8 @@ from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import InputError
 
 if TYPE_CHECKING:
-    from advercity_dsl import Spec
+    from advercity_dsl import Channel, Spec
+    from advercity_dsl.road import LeftOut
 
     from advercity.conflicts.roles import ConflictRoles
     from advercity.dataset.manifest import Manifest
@@ -53,19 +54,13 @@ class FrameView:
     def __init__(self, scenario: Scenario, index: int) -> None:
         self.scenario = scenario
         self.index = index
-        self.name = format_frame_name(scenario.spec, index)
-        layout = scenario.format
-        self.views = {
-            agent.id: AgentView(
-                agent, index, layout, scenario.path / layout.format_folder(agent) / self.name
-            )
-            for agent in scenario.spec.agents
-        }
+        self.name = scenario.format_frame_name(index)
+        self.views = {view.id: view for view in scenario.open_views(index)}
 
     @property
     def time_s(self) -> float:
         """Time since the scenario's start in seconds, warm-up included."""
-        return int(self.name) * self.scenario.spec.timing.tick_s
+        return self.scenario.find_time_s(self.index)
 
     def messages(self, receiver: str, *, latest: bool = True) -> tuple[ReceivedMessage, ...]:
         """Load the V2X messages that have arrived at an agent by this frame.
@@ -124,9 +119,62 @@ class Scenario(Sequence[FrameView]):
         return find_format(self.manifest.identity.format)
 
     @property
+    def id(self) -> str:
+        """Id of the scenario, by which predictions name it."""
+        return self.spec.id
+
+    @property
     def agents(self) -> tuple[str, ...]:
         """Ids of the agents."""
         return tuple(agent.id for agent in self.spec.agents)
+
+    @property
+    def ego(self) -> str:
+        """Id of the agent that is the ego."""
+        return self.spec.ego.id
+
+    @property
+    def ego_size(self) -> tuple[float, float, float] | None:
+        """Length, width and height of the ego in metres; None if unknown."""
+        return self.spec.blueprints[str(self.spec.ego.blueprint)].size
+
+    @property
+    def channel(self) -> Channel | None:
+        """The V2X channel; None without messages."""
+        return self.spec.channel
+
+    @property
+    def labels(self) -> Mapping[str, str]:
+        """What distinguishes scenarios: weather, time, density, road, and the value of a sweep."""
+        spec, swept = self.spec, self.spec.provenance.sweep
+        return {
+            "weather": spec.weather.id,
+            "time": spec.weather.time,
+            "density": spec.density.id,
+            "road": spec.road.id,
+            **({} if swept is None else {"sweep": format_swept_value(swept.value)}),
+        }
+
+    @cached_property
+    def left_out(self) -> tuple[LeftOut, ...]:
+        """Parts of files of others that are not read; none of a dataset of advercity."""
+        return ()
+
+    def format_frame_name(self, index: int) -> str:
+        """Format the name that the files of a frame begin with."""
+        return format_frame_name(self.spec, index)
+
+    def find_time_s(self, index: int) -> float:
+        """Find the time of a frame since the scenario's start in seconds, warm-up included."""
+        return int(self.format_frame_name(index)) * self.spec.timing.tick_s
+
+    def open_views(self, index: int) -> Sequence[AgentView]:
+        """Open the view of every agent of a frame."""
+        name, layout = self.format_frame_name(index), self.format
+        return [
+            AgentView(agent, index, layout, self.path / layout.format_folder(agent) / name)
+            for agent in self.spec.agents
+        ]
 
     @property
     def roles(self) -> ConflictRoles:
@@ -228,13 +276,14 @@ class Dataset(Sequence[FrameView]):
 
     Args:
         path: Folder of a dataset, or of one scenario.
+        layout: Layout of a folder of others, as of `open_dataset`.
 
     Raises:
         InputError: The folder holds no scenario.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.scenarios = tuple(Scenario(folder) for folder in find_scenarios(path))
+    def __init__(self, path: Path, layout: str | None = None) -> None:
+        self.scenarios = open_scenarios(path, layout)
         self._ends = np.cumsum([len(scenario) for scenario in self.scenarios])
 
     def __len__(self) -> int:
@@ -260,10 +309,33 @@ class Dataset(Sequence[FrameView]):
             yield from scenario
 
 
-def open_dataset(path: Path | str) -> Dataset:
-    """Open the folder of a dataset, or of one scenario; InputError if it is neither.
+def format_swept_value(value: float) -> str:
+    """Format the value of a swept field, as labels have it."""
+    return f"{value:g}"
+
+
+def open_scenarios(path: Path, layout: str | None = None) -> tuple[Scenario, ...]:
+    """Open the scenarios of a folder, as `open_dataset` does."""
+    if layout is None:
+        return tuple(map(Scenario, find_scenarios(path)))
+    # Imported here, because it builds on this module.
+    from advercity.dataset.foreign_folders import open_foreign_scenarios
+
+    return open_foreign_scenarios(path, layout)
+
+
+def open_dataset(path: Path | str, layout: str | None = None) -> Dataset:
+    """Open the folder of a dataset, or of one scenario.
 
     Only the numbers of the written frames are read; the first frame that is taken from a scenario
     reads its manifest.
+
+    Args:
+        path: The folder.
+        layout: Of a folder without manifests, which other programs have written, the layout of its
+            files: `opv2v` (OPV2V, V2XSet, V2V4Real) or `adver_city`.
+
+    Raises:
+        InputError: The folder holds no scenario, or none of that layout.
     """
-    return Dataset(Path(path))
+    return Dataset(Path(path), layout)

@@ -53,13 +53,11 @@ class StatisticsTable:
 
 
 def compute_tables(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
-    """Compute every table of a dataset."""
+    """Compute every table of a dataset; those about weather need scenarios that have one."""
     traffic = np.concatenate([_traffic_speeds(item) for item in facts])
-    ego = np.concatenate([item.speeds_km_h[:, 0] for item in facts])
+    ego = np.concatenate([item.speeds_km_h[:, :1].ravel() for item in facts])
     return [
         _tabulate_roads(facts),
-        _tabulate_frames_by(facts, "weather", "Frames by weather", _weather_without_time),
-        _tabulate_frames_by(facts, "time_of_day", "Frames by time of day", attrgetter("time")),
         _tabulate_classes(facts),
         StatisticsTable(
             "vehicles_per_speed",
@@ -74,11 +72,20 @@ def compute_tables(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
         ),
         _tabulate_annotation_counts(facts),
         _tabulate_polar_density(facts),
+        *(_tabulate_weathers(facts) if any(item.weathers for item in facts) else ()),
+        *(_tabulate_radars(facts) if any(item.radars for item in facts) else ()),
+        *(_tabulate_messages(facts) if any(len(item.messages) for item in facts) else ()),
+    ]
+
+
+def _tabulate_weathers(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
+    """Tabulate frames by weather and by time of day, and what the weather does to sensors."""
+    return [
+        _tabulate_frames_by(facts, "weather", "Frames by weather", _weather_without_time),
+        _tabulate_frames_by(facts, "time_of_day", "Frames by time of day", attrgetter("time")),
         _tabulate_visibility(facts),
         _tabulate_returns_by_range(facts),
         _tabulate_visible_fraction(facts),
-        *(_tabulate_radars(facts) if any(item.radars for item in facts) else ()),
-        *(_tabulate_messages(facts) if any(len(item.messages) for item in facts) else ()),
     ]
 
 
@@ -176,7 +183,7 @@ def _summarise_counts(name: str, counts: Sequence[int]) -> dict[str, Any]:
 
 
 def _mean(values: Float64Array) -> float:
-    return float(values.mean()) if len(values) else float("nan")
+    return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
 
 def _mean_if_different(values: Sequence[float]) -> float:
@@ -185,7 +192,7 @@ def _mean_if_different(values: Sequence[float]) -> float:
 
 
 def _std(values: Float64Array) -> float:
-    return float(values.std()) if len(values) else float("nan")
+    return float(np.nanstd(values)) if np.isfinite(values).any() else float("nan")
 
 
 def _count_distinct_actors(facts: ScenarioFacts, *, on_foot: bool) -> int:
@@ -218,8 +225,9 @@ def _tabulate_classes(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
 
 
 def _count_by_integer(values: Float64Array, name: str, counted: str) -> dict[str, Sequence[Any]]:
-    """Count values by the nearest whole number, from 0."""
-    counts = np.bincount(np.rint(values).astype(np.int64)) if len(values) else np.zeros(1, np.int64)
+    """Count values by the nearest whole number, from 0; unknown ones, NaN, do not count."""
+    whole = np.rint(values[np.isfinite(values)]).astype(np.int64)
+    counts = np.bincount(whole, minlength=1)
     return {name: list(range(len(counts))), counted: counts.tolist()}
 
 

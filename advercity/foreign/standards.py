@@ -62,15 +62,31 @@ class Standard:
         """Record every part of a document that is left out, and refuse those that are refused."""
         self._audit_element(root, (root.tag,), ledger, refuse)
 
-    def audit_columns(self, layout: str, columns: Iterable[str], ledger: Ledger) -> None:
-        """Record the columns of a table that are left out; its layout is a row of this standard."""
+    def audit_columns(
+        self,
+        layout: str,
+        columns: Iterable[str],
+        ledger: Ledger,
+        *,
+        kind: str = "column",
+        line: int = 1,
+    ) -> None:
+        """Record the columns of a table, or other names, that are left out.
+
+        Args:
+            layout: The row of this standard for them.
+            columns: Their names.
+            ledger: Where to record them.
+            kind: What they are, for those that the standard does not have.
+            line: Where they are; 0 if the format has no lines.
+        """
         row = self.elements[layout]
         for column in columns:
             if column in row:
-                apply_disposition(row[column], "", 1, ledger)
+                apply_disposition(row[column], "", line, ledger)
             else:
                 name = _shorten(column)
-                ledger.leave_out(f"column {name}", plural=f"columns {name}", at=1)
+                ledger.leave_out(f"{kind} {name}", plural=f"{kind}s {name}", at=line)
 
     def audit_tags(self, element: Element, kind: str, ledger: Ledger) -> None:
         """Record the tags, keys with values, of an element that are left out.

@@ -8,6 +8,7 @@ from advercity_dsl import Spec
 import advercity
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.facts import collect_scenario_facts
+from advercity.dataset.reader import Scenario
 from advercity.errors import InputError, RunError
 from tests.builders import SensorFramesOf, write_scenario
 
@@ -62,13 +63,13 @@ def test_damaged_annotations_are_reported(scenario: Path, good: str, bad: str) -
 def test_statistics_name_a_damaged_file(scenario: Path, text: str) -> None:
     (scenario / "+101" / "000060.yaml").write_text(text)
     with pytest.raises(InputError, match=r"000060\.yaml: is damaged"):
-        collect_scenario_facts(scenario)
+        collect_scenario_facts(Scenario(scenario))
 
 
 def test_statistics_name_a_missing_file(scenario: Path) -> None:
     (scenario / "102" / "000060.yaml").unlink()
     with pytest.raises(InputError, match=r"102/000060\.yaml: is missing; `advercity verify`"):
-        collect_scenario_facts(scenario)
+        collect_scenario_facts(Scenario(scenario))
 
 
 def test_a_truncated_manifest_and_one_of_another_version_have_their_own_errors(

@@ -14,6 +14,7 @@ from advercity_dsl import Channel, Spec
 
 from advercity.channel.transmission import Air, V2xChannel
 from advercity.dataset.facts import ScenarioFacts, collect_scenario_facts
+from advercity.dataset.reader import Scenario
 from advercity.dataset.statistics import compute_tables
 from advercity.frames import STATE_DTYPE, Trace
 from advercity.sensors.sensor_frame import SensorFrame
@@ -61,7 +62,7 @@ def facts(
     root: Path = tmp_path_factory.mktemp("measured")
     # The original's layout has no maps, whose drawing would take most of the time.
     written = write_scenario(root, sending, send, frames=FRAMES, format="adver_city")
-    return collect_scenario_facts(written)
+    return collect_scenario_facts(Scenario(written))
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ from advercity_dsl import Spec
 from advercity.compiler import find_weather, with_weather
 from advercity.dataset.facts import collect_scenario_facts
 from advercity.dataset.manifest import Manifest
+from advercity.dataset.reader import Scenario
 from advercity.physics.timeline import WeatherTimeline
 from advercity.pipeline import RunOptions, run_scenario
 from advercity.pipeline.frame_conditions import ConditionsByFrame
@@ -45,7 +46,7 @@ def test_each_frame_says_its_weather(spec: Spec, tmp_path: Path) -> None:
     weather = yaml.safe_load(later.read_text())["weather"]
     # At 7 s, halfway between 4 and 10 s.
     assert (weather["rain_mm_h"], weather["wind_m_s"], weather["time"]) == (20, 7.2, "day")
-    rates = [weather.rain_mm_h for weather in collect_scenario_facts(made).weathers]
+    rates = [weather.rain_mm_h for weather in collect_scenario_facts(Scenario(made)).weathers]
     assert rates == [0, 20]
 
 
