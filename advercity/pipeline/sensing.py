@@ -429,6 +429,7 @@ class SensorRig:
             velocity=self._poses.velocity(agent, frame),
             light_sources=self._find_light_sources(frame),
             lens_map=build_lens_map(build_camera_model(agent, camera, self._profile)),
+            cover=self._raycaster.cover,
         )
 
 

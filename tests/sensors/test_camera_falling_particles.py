@@ -22,6 +22,8 @@ from advercity.physics.precipitation import (
 )
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture, CameraView
+from advercity.rendering.cover import Cover
+from advercity.semantics import Semantic
 from advercity.sensors.camera import (
     CameraConditions,
     CameraExposure,
@@ -32,6 +34,7 @@ from advercity.sensors.camera import (
 from advercity.sensors.camera.falling_particles import ParticleBlock, build_particle_blocks
 from advercity.sensors.camera.motion_streaks import project_streaks
 from advercity.sensors.camera.scene_light import lamp_luminance
+from advercity.testing import build_box
 
 FOV_RAD = math.radians(100.0)
 SKY = {"oktas": 8}
@@ -214,6 +217,19 @@ def test_a_drop_streaks_as_far_as_it_falls_while_the_shutter_is_open(
     middle = (abs(seen.begin[:, 1] - 540) < 100) & (abs(seen.begin[:, 0] - 960) < 300)
     length_at_1_m = seen.length_px[middle] * seen.depth_m[middle]
     np.testing.assert_allclose(length_at_1_m, length_px, rtol=0.01)
+
+
+def test_no_drop_is_drawn_under_a_deck() -> None:
+    """The deck is from 1 to 3 m ahead, and 2 m up."""
+    deck = build_box((2, 40, 1), (2, 0, 4), material="concrete", semantic=Semantic.BRIDGE)
+    falling = of_two_millimetres(rainy())
+    particles = falling.find_particles(*shot().frustum(0.3, 5.0), shot().position, 0.0)
+    taken = replace(shot(), cover=Cover.from_meshes([deck]))
+    seen, covered = (project_streaks(particles, one) for one in (shot(), taken))
+    under = [(one.position[:, 0] > 1) & (one.position[:, 0] < 3) for one in (seen, covered)]
+    assert under[0].sum() > 100
+    assert not under[1].any()
+    np.testing.assert_array_equal(covered.position, seen.position[~under[0]])
 
 
 def test_a_shutter_open_for_longer_draws_no_fewer_drops_and_thinner_ones() -> None:

@@ -11,6 +11,7 @@ from advercity.frames import Frame
 from advercity.geometry.arrays import Float64Array
 from advercity.physics.lamp_beams import LightSource
 from advercity.rendering.backend import CameraView
+from advercity.rendering.cover import Cover
 from advercity.sensors.camera.lens_map import LensMap
 
 LENS_FOCAL_LENGTH_M = 0.004
@@ -28,6 +29,7 @@ class CameraExposure:
         velocity: Velocity (3,) of the camera in the world, m/s.
         light_sources: Lamps that light the scene; none by day, when daylight outshines them.
         lens_map: How the lens distorts the rendered image; None of a pinhole.
+        cover: What keeps drops and flakes off parts of the world; None without any.
     """
 
     view: CameraView
@@ -36,6 +38,7 @@ class CameraExposure:
     velocity: Float64Array
     light_sources: tuple[LightSource, ...] = ()
     lens_map: LensMap | None = None
+    cover: Cover | None = None
 
     @property
     def focal_px(self) -> float:

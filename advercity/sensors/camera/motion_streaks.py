@@ -127,7 +127,7 @@ def find_visible_particles(
 
 
 def project_streaks(particles: FallingParticles, exposure: CameraExposure) -> MotionStreaks:
-    """Project particles to streaks, without those below the least opacity."""
+    """Project particles to streaks, without those under cover or below the least opacity."""
     open_s = exposure.camera.exposure.shutter_s
     camera_axes = exposure.view.world_from_camera[:3, :3].astype(np.float32)
     start = particles.position @ camera_axes
@@ -145,7 +145,10 @@ def project_streaks(particles: FallingParticles, exposure: CameraExposure) -> Mo
         position=particles.position[before],
         glint=particles.glint[before],
     )
-    return found.select(np.flatnonzero(found.opacity > _min_opacity(open_s)))
+    found = found.select(np.flatnonzero(found.opacity > _min_opacity(open_s)))
+    if exposure.cover is None:
+        return found
+    return found.select(~exposure.cover.find_covered(exposure.position + found.position))
 
 
 def _max_visible_depth_m(block: ParticleBlock, exposure: CameraExposure) -> float:

@@ -11,7 +11,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
+from advercity.rendering.cover import Cover
 from advercity.sensors.measurements import PointKind, RadarCube, RadarDetections
 from advercity.sensors.radar import cfar
 from advercity.sensors.radar.antenna import (
@@ -90,6 +92,7 @@ class Receiver:
         conditions: Of the air.
         interference: Noise of other radars relative to the receiver's own.
         rng: Generator of this radar and frame.
+        cover: What keeps precipitation off parts of the world; None without any.
     """
 
     def __init__(
@@ -98,6 +101,7 @@ class Receiver:
         conditions: RadarConditions,
         interference: float,
         rng: np.random.Generator,
+        cover: Cover | None = None,
     ) -> None:
         radar, rotation = placed.radar, placed.world_from_radar[:3, :3]
         self._radar, self._grid = radar, CellGrid.from_radar(radar)
@@ -106,6 +110,7 @@ class Receiver:
         self._clear_factor = compute_echo_factor(radar) / (1.0 + interference)
         self._factor = self._clear_factor / 10.0 ** (2.0 * radome_db / 10.0)
         self._threshold = cfar.compute_threshold(radar)
+        self._world_from_radar, self._cover = placed.world_from_radar, cover
         self._clutter = [
             FallingClutter(radar, echo, (echo.velocity - placed.velocity) @ rotation)
             for echo in conditions.falling
@@ -154,6 +159,9 @@ class Receiver:
     ) -> FloatArray:
         """Compute the mean power (n,) of what falls in cells, over the receiver's noise."""
         strength = clutter.compute_strength(range_m, direction)
+        if self._cover is not None:
+            points = poses.transform_points(self._world_from_radar, direction * range_m[:, None])
+            strength = strength * ~self._cover.find_covered(points)
         fraction = clutter.compute_fraction(direction, rate_m_s)
         return self._compute_factor(range_m) * strength * fraction
 

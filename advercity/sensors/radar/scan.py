@@ -43,7 +43,8 @@ def scan_radar(
         plumes = list_spray_paths(placed, motion.frame.states)
         parts += [_hide_behind(grid, paths, free_m) for paths in plumes]
     noise = compute_interference(placed, others, raycaster)
-    return Receiver(placed, conditions, noise, rng).measure(Paths.join(parts), free_m)
+    receiver = Receiver(placed, conditions, noise, rng, raycaster.cover)
+    return receiver.measure(Paths.join(parts), free_m)
 
 
 def compute_free_ranges(grid: CellGrid, free_m: FloatArray) -> Float64Array:

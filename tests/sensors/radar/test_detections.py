@@ -14,6 +14,7 @@ from advercity.frames import ActorState
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import compute_atmosphere
+from advercity.semantics import Semantic
 from advercity.sensors.measurements import PointKind, RadarDetections
 from advercity.sensors.radar import RadarConditions, derive_radar_conditions
 from advercity.sensors.radar.cfar import compute_clutter_chance
@@ -198,6 +199,25 @@ def test_rain_is_clutter_near_the_sensor_that_falls_and_drifts(rain: RadarCondit
         -10, abs=3
     )
     assert not (scan(WIDE, *ROAD, pose=BUMPER).detections.kind == PointKind.RAIN).any()
+
+
+def test_no_rain_is_clutter_under_a_deck(rain: RadarConditions) -> None:
+    """The deck is 5 m up, from 4 to 12 m ahead and as wide as what the radar sees of it."""
+    deck = build_box((8, 80, 1), (8, 0, 5.5), material="concrete", semantic=Semantic.BRIDGE)
+
+    def count_drops(*static: Mesh) -> tuple[int, int]:
+        clouds = [scan(WIDE, *ROAD, *static, pose=BUMPER, air=rain, key=key) for key in range(4)]
+        points = np.concatenate(
+            [item.detections.points[item.detections.kind == PointKind.RAIN] for item in clouds]
+        )
+        # A cell of 0.4 m at an edge of the deck may lie on either side of it.
+        under = (points[:, 0] > 4.3) & (points[:, 0] < 11.7) & (points[:, 2] < 4)
+        return int(under.sum()), int((points[:, 0] < 3.7).sum())
+
+    (open_under, open_before), (under, before) = count_drops(), count_drops(deck)
+    assert open_under > 20
+    assert under == 0
+    assert before == pytest.approx(open_before, rel=0.3)
 
 
 def test_a_mirror_shows_a_ghost_of_a_car_behind_it() -> None:
