@@ -64,8 +64,6 @@ class GroundMap:
         return (*self.corner, 1.0 / self.size[0], 1.0 / self.size[1])
 
 
-SNOW_CHANNELS = 2
-"""Channels of the map of shelter that are of snow; the others are of rain."""
 NO_SHELTER = GroundMap(np.array([[[NO_SURFACE_M, 0.0, NO_SURFACE_M, 0.0]]], np.float32))
 
 

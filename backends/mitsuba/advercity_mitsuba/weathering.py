@@ -8,15 +8,16 @@ import numpy as np
 from advercity.materials import TRANSMITTED_BY_LEAVES, Texture
 from advercity.physics import water
 from advercity.physics.atmosphere import Atmosphere
+from advercity.rendering.cover import select_decks
 from advercity.rendering.ground_maps import (
     NEUTRAL_WEAR,
     NO_SHELTER,
-    SNOW_CHANNELS,
     WEAR_STEPS,
     WEAR_TONE,
     GroundMap,
     build_shelter_map,
     build_wear_map,
+    needs_shelter_map,
 )
 from advercity.rendering.surface_weather import (
     CLEAN_SNOW,
@@ -53,10 +54,12 @@ class WeatherTables:
     Attributes:
         has_snow: Whether snow lies anywhere.
         is_wet: Whether there is water or ice.
+        has_decks: Whether decks keep rain off.
     """
 
     has_snow: bool
     is_wet: bool
+    has_decks: bool
     numbers: Any
     puddles: Any
     wear: Any
@@ -67,7 +70,7 @@ class WeatherTables:
 
 
 class GroundMaps:
-    """Maps of a world's ground on the device; the one of shelter is made for the first snow."""
+    """Maps of a world's ground on the device; the one of shelter is made when it is needed."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -79,15 +82,15 @@ class GroundMaps:
         self.puddles = mi.Texture2f(
             mi.TensorXf(field[..., None]), wrap_mode=dr.WrapMode.Repeat, use_accel=False
         )
-        self._shelter = _upload(NO_SHELTER, NO_SHELTER.texels[..., :SNOW_CHANNELS])
+        self.has_decks = bool(select_decks(world.static))
+        self._shelter = _upload(NO_SHELTER, NO_SHELTER.texels)
         self._has_shelter = False
 
-    def get_shelter(self, *, has_snow: bool) -> tuple[Any, Any]:
-        """Get the map of shelter from snow, and its extent."""
-        if has_snow and not self._has_shelter:
+    def get_shelter(self, atmosphere: Atmosphere) -> tuple[Any, Any]:
+        """Get the map of shelter from snow and rain, and its extent."""
+        if not self._has_shelter and needs_shelter_map(self._world, atmosphere):
             found = build_shelter_map(self._world)
-            snow = _upload(found, found.texels[..., :SNOW_CHANNELS])
-            self._shelter, self._has_shelter = snow, True
+            self._shelter, self._has_shelter = _upload(found, found.texels), True
         return self._shelter
 
 
@@ -104,12 +107,12 @@ def build_weather_tables(
 ) -> WeatherTables:
     """Build the tables of a frame under an atmosphere."""
     weather = compute_surface_weather(atmosphere)
-    has_snow = weather.snow_depth_m > 0.0
-    shelter, extent = maps.get_shelter(has_snow=has_snow)
+    shelter, extent = maps.get_shelter(atmosphere)
     names = vars(weather)
     return WeatherTables(
-        has_snow=has_snow,
+        has_snow=weather.snow_depth_m > 0.0,
         is_wet=weather.wetness > 0.0 or weather.ice_cover > 0.0,
+        has_decks=maps.has_decks,
         numbers={name: dr.opaque(mi.Float, value) for name, value in names.items()},
         puddles=maps.puddles,
         wear=maps.wear,
@@ -200,8 +203,21 @@ def _snowfall_fraction(w: WeatherTables, p: Any) -> Any:
     total = mi.Float(0.0)
     for x, y in ((0, 0), (-1, 1), (1, -1), (-1, -1), (1, 1)):
         at = mi.Point2f(p.x + offset * x, p.y + offset * y)
-        top, sheltered = w.shelter.eval((at - w.shelter_extent.xy) * w.shelter_extent.zw)
+        top, sheltered, *_ = w.shelter.eval((at - w.shelter_extent.xy) * w.shelter_extent.zw)
         total += dr.select(p.z < top - clearance, 1.0 - sheltered, 1.0)
+    return total / 5.0
+
+
+def _rainfall_fraction(w: WeatherTables, p: Any) -> Any:
+    """Compute the fraction of rain that arrives, none under decks."""
+    tolerance, offset = 0.05, 0.5
+    if not w.has_decks:
+        return mi.Float(1.0)
+    total = mi.Float(0.0)
+    for x, y in ((0, 0), (-1, 1), (1, -1), (-1, -1), (1, 1)):
+        at = mi.Point2f(p.x + offset * x, p.y + offset * y)
+        underside = w.shelter.eval((at - w.shelter_extent.xy) * w.shelter_extent.zw)[2]
+        total += dr.select(p.z < underside + tolerance, 0.0, 1.0)
     return total / 5.0
 
 
@@ -337,11 +353,13 @@ def _wet_surface(
     filmed, still, glazed, glazed_blades = 0.15, 0.02, 0.1, 0.3
     outside = water.DIFFUSE_EXTERNAL_REFLECTANCE
     inside = water.DIFFUSE_INTERNAL_REFLECTANCE
-    wetness = w.numbers["wetness"]
+    rained = _rainfall_fraction(w, position)
+    wetness = rained * w.numbers["wetness"]
     puddle = dr.select(wetness > 0.0, _standing_water(w, kind, position, normal, footprint), 0.0)
+    puddle *= rained
     facing = dr.lerp(0.5, 1.0, dr.maximum(normal.z, 0.0))
     wet = dr.lerp(wetness * porous * facing, 1.0, puddle)
-    ice = dr.select(snowless, 0.0, w.numbers["ice_cover"] * facing)
+    ice = dr.select(snowless, 0.0, rained * w.numbers["ice_cover"] * facing)
     wet = dr.maximum(wet, ice * porous)
     soaked = (
         INDEX_MATCHED_RATIO * (1.0 - outside) * (1.0 - inside) * albedo / (1.0 - albedo * inside)

@@ -304,6 +304,23 @@ def test_a_painted_body_is_of_its_paint_alone(backend: MitsubaBackend) -> None:
     np.testing.assert_array_equal(first.radiance, second.radiance)
 
 
+def test_the_road_under_a_deck_is_dry(backend: MitsubaBackend) -> None:
+    """The deck is from 6 to 16 m ahead; the camera sees dry road there and wet road before it."""
+    deck = build_box((11, 0, 6.0), (10, 200, 1.0), "concrete", Semantic.BRIDGE)
+    world = build_world((replace(STATIC[0], material="asphalt"), deck))
+    empty = build_frame()
+    dry, wet = (
+        brightness(render(backend, air, world=world, frame=empty, samples=32))
+        for air in (DAY, replace(DAY, wetness=1.0, puddle_coverage=0.5))
+    )
+    road = render(backend, DAY, world=world, frame=empty, samples=1)
+    is_road = road.semantic == Semantic.ROAD
+    depth = np.where(np.isfinite(road.depth), road.depth, 0)
+    change = np.abs(wet - dry) / dry
+    assert change[is_road & (depth > 8) & (depth < 14)].mean() < 0.1
+    assert change[is_road & (depth < 5)].mean() > 0.2
+
+
 WEATHERS = {
     "fog": {"fog": {"mor_m": 75}, "air": {"mor_m": None}},
     "soaked": {"surface": {"wetness": 1.0, "puddle_coverage": 0.3}, "rain": {"rate_mm_h": 30}},
