@@ -19,7 +19,7 @@ WEATHER = "clear_day"
 def main() -> None:
     """Simulate what the cache lacks, and write."""
     specs = [read_spec(path) for path in sorted(ROOT.glob(f"compiled/*_{WEATHER}_*.json"))]
-    hashes = {spec.id: [load_or_simulate_traffic(spec).trace_sha256] for spec in specs}
+    hashes = {spec.id: load_or_simulate_traffic(spec).trace_sha256 for spec in specs}
     HASHES.write_text(json.dumps(hashes, indent=2) + "\n")
 
 

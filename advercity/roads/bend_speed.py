@@ -1,6 +1,6 @@
 """How fast vehicles drive in bends: by lateral acceleration, and by how fast that changes."""
 
-from math import inf
+from math import cbrt, inf
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -27,10 +27,11 @@ def compute_bend_speeds(
     """Compute the highest speeds (n,) in m/s on a path (n, 2) of points every `BEND_STEP_M`."""
     lateral = min(LATERAL_ACCELERATION_M_S2, max_lateral_m_s2)
     curvature = _compute_curvature(path)
-    limit = np.minimum(
-        np.sqrt(lateral / np.maximum(np.abs(curvature), 1e-9)),
-        np.cbrt(LATERAL_JERK_M_S3 / np.maximum(_compute_curvature_change(curvature), 1e-9)),
-    )
+    by_acceleration = np.sqrt(lateral / np.maximum(np.abs(curvature), 1e-9))
+    changes = np.maximum(_compute_curvature_change(curvature), 1e-9)
+    # Not by NumPy's root: its last bit differs with AVX-512, and SUMO would drive otherwise.
+    by_jerk = [cbrt(LATERAL_JERK_M_S3 / change) for change in changes.tolist()]
+    limit = np.minimum(by_acceleration, by_jerk)
     return _smooth_speeds(np.minimum(limit, MAX_BEND_SPEED_M_S))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.frames import STATE_COLUMNS, STATE_DTYPE, Lamp
+from advercity.geometry.plane import compute_directions, compute_headings, compute_lengths
 from advercity.physics.constants import MAX_STEERING_RAD
 
 CATCH_UP_FACTOR = 1.1
@@ -62,8 +63,8 @@ def build_states(
     places, velocities, accelerations = (
         np.stack([states[name] for name in names]) for names in _MOTION_COLUMNS
     )
-    level = np.cos(states["pitch"])
-    ahead = np.cos(states["yaw"]) * level, np.sin(states["yaw"]) * level, -np.sin(states["pitch"])
+    facing, nose = (compute_directions(states[name]) for name in ("yaw", "pitch"))
+    ahead = facing.real * nose.real, facing.imag * nose.real, -nose.imag
     states["speed"] = _norm(velocities)
     states["acceleration"] = sum(axis * a for axis, a in zip(ahead, accelerations, strict=True))
     states["travelled"][1:] = np.cumsum(_norm(np.diff(places)))
@@ -81,8 +82,8 @@ def compute_steering(
     velocity: NDArray[np.complex128], directions: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
     """Compute steering angles (n,): where the front axle rolls to; kept at standstill."""
-    moves = np.abs(velocity) > STANDSTILL_M_S
-    wanted = np.angle(velocity * directions.conj())
+    moves = compute_lengths(velocity) > STANDSTILL_M_S
+    wanted = compute_headings(velocity * directions.conj())
     last = np.maximum.accumulate(np.where(moves, np.arange(len(velocity)), 0))
     return np.clip(np.where(moves[last], wanted[last], 0.0), -MAX_STEERING_RAD, MAX_STEERING_RAD)
 

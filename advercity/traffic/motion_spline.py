@@ -147,7 +147,7 @@ def interpolate_smoothly(
     before = 1 - after
     low, high = values[cell], values[cell + 1]
     bend, next_bend = bends[cell], bends[cell + 1]
-    cubic = (before**3 - before) * bend + (after**3 - after) * next_bend
+    cubic = (before**2 - 1) * before * bend + (after**2 - 1) * after * next_bend
     slope = (3 * after**2 - 1) * next_bend - (3 * before**2 - 1) * bend
     return np.stack(
         [
@@ -226,14 +226,15 @@ class HeightProfile:
         places = (station.values - self.first_m) / PROFILE_STEP_M
         cells = np.clip(places.astype(np.int64), 1, len(self.controls) - 3)
         t = places - cells
+        rest = 1 - t
         a, b, c, d = (self.controls[cells + offset] for offset in (-1, 0, 1, 2))
-        bend = (1 - t) * (a - 2 * b + c) + t * (b - 2 * c + d)
-        grade = ((1 - t) ** 2 * (b - a) + (1 + 2 * t - 2 * t * t) * (c - b) + t * t * (d - c)) / 2
+        bend = rest * (a - 2 * b + c) + t * (b - 2 * c + d)
+        grade = (rest * rest * (b - a) + (1 + 2 * t - 2 * t * t) * (c - b) + t * t * (d - c)) / 2
         height = (
-            (1 - t) ** 3 * a
-            + (4 - 6 * t * t + 3 * t**3) * b
-            + (1 + 3 * t + 3 * t * t - 3 * t**3) * c
-            + t**3 * d
+            rest * rest * rest * a
+            + (4 - 6 * t * t + 3 * t * t * t) * b
+            + (1 + 3 * t + 3 * t * t - 3 * t * t * t) * c
+            + t * t * t * d
         ) / 6
         grade, bend = grade / PROFILE_STEP_M, bend / PROFILE_STEP_M**2
         speed, acceleration = station.rates, station.accelerations

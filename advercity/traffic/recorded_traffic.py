@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from advercity.errors import InputError
 from advercity.frames import WHEELBASE_FRACTION, Actor, Trace
+from advercity.geometry.plane import compute_directions, compute_headings
 from advercity.recordings.bodies import select_blueprint
 from advercity.recordings.track_file import unpack_tracks
 from advercity.recordings.tracks import Track
@@ -139,7 +140,7 @@ def _compute_states(
     resample = partial(interpolate_smoothly, track.times_s, at_s=times_s)
     plan = resample(track.places[:, 0] + 1j * track.places[:, 1])
     yaw = resample(track.headings_rad)
-    directions = np.exp(1j * yaw[0])
+    directions = compute_directions(yaw[0])
     half = wheelbase_m / 2 * directions
     front, rear = (_smooth_heights(height(plan[0] + way * half), tick_s) for way in (1, -1))
     climb, climb_rate, _ = (front - rear) / wheelbase_m if wheelbase_m else np.zeros_like(front)
@@ -147,7 +148,7 @@ def _compute_states(
         plan=plan,
         height=(front + rear) / 2,
         yaw=yaw[:2],
-        pitch=-np.stack([np.arctan(climb), climb_rate / (1 + climb**2)]),
+        pitch=-np.stack([compute_headings(1 + 1j * climb), climb_rate / (1 + climb**2)]),
     )
     states = build_states(ticks, np.zeros(len(ticks), np.uint8), curves)
     if wheelbase_m:

@@ -1,5 +1,6 @@
 """Semi-trailers of articulated lorries: SUMO's vehicle is the whole, the trace has two actors."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,7 +50,7 @@ class TowedTrailer:
             front_m - np.array([self.axles_behind_front_m, self.fifth_wheel_m]), 0
         )
         behind, ahead = (lane.line.points_at(station)[:2] for station in stations)
-        return float(np.arctan2(*(ahead - behind)[::-1]))
+        return math.atan2(*(ahead - behind)[::-1])
 
 
 def build_towed_trailer(spec: Spec, tractor: Actor) -> TowedTrailer | None:

@@ -1,5 +1,6 @@
 """The motion of vehicles: a body follows its front axle, and a semi-trailer its tractor unit."""
 
+import math
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -8,6 +9,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from advercity.frames import WHEELBASE_FRACTION
+from advercity.geometry.plane import compute_headings, compute_lengths
 from advercity.traffic.body_states import (
     CATCH_UP_FACTOR,
     BodyCurves,
@@ -75,9 +77,9 @@ class _PulledBody:
         rates, turns = self.turning
         climb, climb_rate, climb_turn = self._climb
         level = 1 / np.sqrt(1 + climb**2)
-        level_rate = -climb * climb_rate * level**3
-        level_turn = (3 * (climb * climb_rate * level) ** 2 - climb_rate**2) * level**3
-        level_turn -= climb * climb_turn * level**3
+        level_rate = -climb * climb_rate * level * level * level
+        level_turn = (3 * (climb * climb_rate * level) ** 2 - climb_rate**2) * level * level * level
+        level_turn -= climb * climb_turn * level * level * level
         radial, across = level_turn - level * rates**2, 2 * level_rate * rates + level * turns
         changes = [level, level_rate + 1j * rates * level, radial + 1j * across]
         return ahead_m * self.directions * np.stack(changes)
@@ -93,8 +95,8 @@ class _PulledBody:
         return BodyCurves(
             plan=plan,
             height=self.find_height_behind(back_m),
-            yaw=np.stack([np.unwrap(np.angle(self.directions)), self.turning[0]]),
-            pitch=-np.stack([np.arctan(climb), climb_rate / (1 + climb**2)]),
+            yaw=np.stack([np.unwrap(compute_headings(self.directions)), self.turning[0]]),
+            pitch=-np.stack([compute_headings(1 + 1j * climb), climb_rate / (1 + climb**2)]),
         )
 
 
@@ -197,7 +199,7 @@ def _pull_vehicle(
     fronts = _follow_targets(
         track["x"] + 1j * track["y"], CATCH_UP_FACTOR * track["speed"] * tick_s
     )
-    along = np.cumsum(np.abs(np.diff(fronts, prepend=fronts[0])))
+    along = np.cumsum(compute_lengths(np.diff(fronts, prepend=fronts[0])))
     overhang, wheelbase = _measure_axles(length_m)
     ahead = np.exp(1j * track["yaw"][0])
     first_m = track["speed"][0] * tick_s
@@ -208,7 +210,7 @@ def _pull_vehicle(
         along,
         track["z"],
         first_m=-2 * (trailer.lorry_length_m if trailer else length_m),
-        first_grade=float(np.tan(track["slope"][0])),
+        first_grade=math.tan(track["slope"][0]),
     )
 
     def find_height(back_m: float) -> NDArray[np.float64]:
@@ -261,7 +263,7 @@ def _smooth_driving(
     if not gains.any():
         return daily
     moves = steps + np.append(steps[1:], steps[-1])
-    ahead = moves / np.maximum(np.abs(moves), 1e-9)
+    ahead = moves / np.maximum(compute_lengths(moves), 1e-9)
     return daily.hasten(
         gains * ahead, ticks=DRIVING_SMOOTHING_TICKS, to_ticks=EMERGENCY_SMOOTHING_TICKS
     )

@@ -8,6 +8,7 @@ import shapely
 from advercity_dsl import Road
 from numpy.typing import NDArray
 
+from advercity.geometry.plane import compute_directions, compute_headings, compute_lengths
 from advercity.roads.road_meshes import KERB_HEIGHT_M
 from advercity.roads.road_network import build_road
 from advercity.traffic.body_states import CATCH_UP_FACTOR, BodyCurves, build_states
@@ -77,11 +78,13 @@ def _walk_after(
     """
     # SUMO turns people who wait hither and thither.
     walks = np.maximum.accumulate(np.where(track["speed"] > 0, np.arange(len(track)), 0))
-    ahead = np.exp(1j * track["yaw"][walks])
+    ahead = compute_directions(track["yaw"][walks])
     targets = track["x"] + 1j * track["y"] - length_m / 2 * ahead
     walk_m, limit_m = speed_m_s * tick_s, CATCH_UP_FACTOR * speed_m_s * tick_s
     steps, forward = np.diff(targets), (track["speed"] * tick_s * ahead)[1:]
-    steps = np.where(np.abs(steps - forward) > MAX_SIDESTEP_FRACTION * walk_m, forward, steps)
+    steps = np.where(
+        compute_lengths(steps - forward) > MAX_SIDESTEP_FRACTION * walk_m, forward, steps
+    )
     position = complex(targets[0])
     path = [position]
     for target, step in zip(targets[1:].tolist(), steps.tolist(), strict=True):
@@ -101,8 +104,8 @@ def _find_heights_along(
 ) -> NDArray[np.float64]:
     """Find the heights (n,) of SUMO's lanes at a path (n,), which is behind its front or ahead."""
     fronts = track["x"] + 1j * track["y"]
-    stations = np.cumsum(np.abs(np.diff(fronts, prepend=fronts[0])))
-    ahead_m = ((path - fronts) * np.exp(-1j * track["yaw"])).real
+    stations = np.cumsum(compute_lengths(np.diff(fronts, prepend=fronts[0])))
+    ahead_m = ((path - fronts) * compute_directions(-track["yaw"])).real
     return np.interp(stations + ahead_m, stations, track["z"])
 
 
@@ -111,8 +114,10 @@ def _find_walking_headings(
 ) -> NDArray[np.float64]:
     """Find the headings (n,) of a path (n,); one at rest or stepping aside keeps the last."""
     moves = np.diff(path, prepend=path[0])
-    walks = (np.abs(moves) > MIN_HEADING_SPEED_M_S * tick_s) & (track["speed"] > 0)
-    return np.unwrap(np.concatenate([track["yaw"][:1], np.angle(moves[walks])]))[np.cumsum(walks)]
+    walks = (compute_lengths(moves) > MIN_HEADING_SPEED_M_S * tick_s) & (track["speed"] > 0)
+    return np.unwrap(np.concatenate([track["yaw"][:1], compute_headings(moves[walks])]))[
+        np.cumsum(walks)
+    ]
 
 
 def build_kerb_height(road: Road) -> KerbHeight:
