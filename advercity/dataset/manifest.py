@@ -22,7 +22,7 @@ from advercity.dataset.scenario_folders import (
     not_a_scenario_error,
 )
 from advercity.dataset.weather_truth import WeatherTruth
-from advercity.digests import compute_source_digest
+from advercity.digests import compute_rounding_digest, compute_source_digest
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import RunError, describe_cause
 
@@ -34,6 +34,7 @@ FIELD_LABELS = {
     "code_sha256": "code of advercity",
     "backend_sha256": "code of the backend",
     "vector_instructions": "vector instructions of the processor",
+    "rounding_sha256": "rounding of the processor's libraries",
 }
 """Words for fields of the identity in messages."""
 VERSIONED_PACKAGES = (
@@ -79,6 +80,7 @@ class Identity(Model):
         min_points: LiDAR points that an actor must return to an agent to be annotated by it.
         clouds: Encoding of point clouds.
         vector_instructions: Of the processor, as `find_vector_instructions` names them.
+        rounding_sha256: Checksum of how NumPy, OpenBLAS and glibc round here; empty in older ones.
         code_sha256: Checksum of the sources of `CODE_PACKAGES`, which may change between versions.
         versions: Versions of advercity and of `VERSIONED_PACKAGES`.
     """
@@ -96,6 +98,7 @@ class Identity(Model):
     min_points: int = 0
     clouds: CloudEncoding = "binary_compressed"
     vector_instructions: str
+    rounding_sha256: str = ""
     code_sha256: str
     versions: dict[str, str]
 
@@ -142,6 +145,7 @@ class Identity(Model):
             min_points=min_points,
             clouds=clouds,
             vector_instructions=find_vector_instructions(),
+            rounding_sha256=compute_rounding_digest(),
             code_sha256=compute_source_digest(*CODE_PACKAGES),
             versions={"advercity": __version__}
             | {name: version(name) for name in VERSIONED_PACKAGES},

@@ -22,6 +22,7 @@ from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.scenario_folders import MANIFEST_FILE, find_scenarios
 from advercity.dataset.verification import FileProblem, restore_files, verify_scenario
 from advercity.dataset.writer import ATTRIBUTION_FILE, ScenarioWriter
+from advercity.digests import compute_rounding_digest
 from advercity.errors import InputError, RunError
 from advercity.texture_packs import EZ_TREE
 from tests.builders import SensorFramesOf, identify
@@ -312,6 +313,7 @@ def test_a_scenario_of_another_profile_is_not_continued(whole: Path, writer: Mak
         # As from a scene in the cache that was edited together with its checksum.
         ("world_sha256", "world_sha256: 0{20}, other"),
         ("vector_instructions", "vector instructions of the processor: .*, other"),
+        ("rounding_sha256", "rounding of the processor's libraries: [0-9a-f]{20}, other"),
     ],
 )
 def test_a_scenario_of_another_world_or_processor_is_not_continued(
@@ -342,6 +344,35 @@ def test_vector_instructions_are_those_that_numpy_may_use() -> None:
     )
     assert ran.stdout == "baseline(X86_V2)\n"
     assert find_vector_instructions() in ("X86_V3", "X86_V4")
+
+
+@pytest.mark.skipif(
+    "X86_V3" not in np.show_config(mode="dicts")["SIMD Extensions"]["found"], reason="no AVX2"
+)
+@pytest.mark.parametrize(
+    ("setting", "differs"),
+    [
+        ("OPENBLAS_CORETYPE=Prescott", True),
+        ("NPY_DISABLE_CPU_FEATURES=X86_V3 X86_V4", True),
+        ("GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2,-FMA", True),
+        ("OPENBLAS_NUM_THREADS=1", False),
+        ("OPENBLAS_NUM_THREADS=16", False),
+    ],
+)
+def test_rounding_of_products_and_functions_is_told_apart(setting: str, differs: bool) -> None:
+    name, _, value = setting.partition("=")
+    ran = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "from advercity.digests import compute_rounding_digest as d; print(d())",
+        ],
+        env=os.environ | {name: value},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert (ran.stdout.strip() != compute_rounding_digest()) == differs
 
 
 def test_a_scenario_of_another_weather_is_not_continued(
