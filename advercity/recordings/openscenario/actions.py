@@ -17,9 +17,11 @@ from advercity.recordings.openscenario.positions import (
     parse_position,
 )
 from advercity.recordings.openscenario.speeds import parse_speed, parse_speed_profile
-from advercity.recordings.openscenario.stage import Mover, Process, Stage
+from advercity.recordings.openscenario.stage import Mover, Pose, Process, Stage
 from advercity.recordings.openscenario.trajectories import Follow, parse_follow
 
+MAX_JUMP_M = 1.0
+"""Longest way of a teleport while an entity is on the road."""
 Start = Callable[[Any, Stage], Process | None]
 """Begins an action of an entity; None if it has ended at once."""
 
@@ -59,11 +61,22 @@ def _parse_teleport(scope: Scope, element: Element, catalogues: Catalogues) -> A
 
     def start(mover: Mover, stage: Stage) -> None:
         pose = find(stage)
-        heading = 0.0 if math.isnan(pose.heading) else pose.heading
-        mover.pose = pose._replace(heading=heading)
+        jump_m = abs(pose.point - mover.pose.point) if mover.pose is not None else 0.0
+        if jump_m > MAX_JUMP_M and stage.step:
+            message = f"'{mover.entity.name}' jumps {jump_m:.1f} m at {stage.time_s:g} s"
+            stage.fail(scope, element, message, "end the scenario before with a <StopTrigger>")
+        _put(mover, pose, stage, scope, element)
         mover.is_at_end = False
 
     return Action(element.tag, start)
+
+
+def _put(mover: Mover, pose: Pose, stage: Stage, scope: Scope, element: Element) -> None:
+    if mover.pose is None and mover.samples:
+        message = f"'{mover.entity.name}' comes back at {stage.time_s:g} s"
+        stage.fail(scope, element, message, "an actor is there once; make it two entities")
+    heading = 0.0 if math.isnan(pose.heading) else pose.heading
+    mover.pose = pose._replace(heading=heading)
 
 
 def _parse_follow(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
@@ -150,9 +163,7 @@ def _parse_entity(scope: Scope, element: Element, catalogues: Catalogues) -> Act
             if find is None:
                 found.leave(stage)
             else:
-                pose = find(stage)
-                heading = 0.0 if math.isnan(pose.heading) else pose.heading
-                found.pose = pose._replace(heading=heading)
+                _put(found, find(stage), stage, scope, element)
 
     return Action(element.tag, start, is_private=False)
 

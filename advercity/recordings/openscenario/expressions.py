@@ -97,6 +97,8 @@ def _evaluate_node(node: ast.AST, parameters: Mapping[str, str]) -> Any:
             return _parse(_look_up(name.removeprefix("parameter_"), parameters))
         case ast.Name(id="true" | "false" as name):
             return name == "true"
+        case ast.Name(id="pi"):
+            return math.pi
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
             return _BINARY[type(op)](evaluate(left), evaluate(right))
         case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:

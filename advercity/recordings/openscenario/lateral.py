@@ -21,16 +21,19 @@ SEARCH_STEP_M = 5.0
 
 
 class OffsetChange:
-    """An offset in the lane on its way to another."""
+    """An offset in the lane on its way to another, to the left along a road.
 
-    def __init__(self, transition: Transition, *, is_kept: bool = False) -> None:
+    The entity may come to a road that leads the other way.
+    """
+
+    def __init__(self, transition: Transition, along: int, *, is_kept: bool = False) -> None:
         self.is_done = False
-        self._transition, self._is_kept = transition, is_kept
+        self._transition, self._along, self._is_kept = transition, along, is_kept
 
     def advance(self, mover: Mover, stage: Stage, step_s: float) -> None:
         """Change the offset over a step; the player moves the entity along its lane."""
         self._transition.advance(step_s, abs(mover.speed_m_s) * step_s)
-        mover.lane_offset_m = self._transition.value
+        mover.lane_offset_m = self._transition.value * self._along
         self.is_done = self._transition.is_done and not self._is_kept
 
 
@@ -160,7 +163,7 @@ def _start_offset(
     is_kept: bool = False,
 ) -> Process:
     assert mover.pose is not None
-    change = OffsetChange(transition, is_kept=is_kept)
+    change = OffsetChange(transition, place.along, is_kept=is_kept)
     mover.pose = mover.pose._replace(lane=place._replace(offset_m=transition.begin))
     mover.assign(change, "lateral")
     path = mover.processes.get("path")

@@ -6,7 +6,7 @@ from bisect import bisect_right
 import numpy as np
 
 from advercity.errors import InputError
-from advercity.recordings.openscenario.stage import Mover, Pose, Sample, Stage
+from advercity.recordings.openscenario.stage import ACROSS_RAD, Mover, Pose, Sample, Stage
 from advercity.recordings.openscenario.storyboard import Storyboard
 from advercity.recordings.openscenario.trajectories import MAX_TIME_S, TimedFollower
 
@@ -18,6 +18,7 @@ UNENDED_S = 60.0
 """Length of a scenario that says nowhere when it ends."""
 MIN_STEP_S = 1e-6
 STANDING_M_S = 0.01
+MAX_ASIDE = math.sin(ACROSS_RAD)
 
 
 def play(storyboard: Storyboard, stage: Stage) -> None:
@@ -119,18 +120,28 @@ def _drive_on(mover: Mover, stage: Stage, step_s: float, speed_m_s: float) -> No
         ahead = distance_m * complex(np.exp(1j * pose.heading))
         mover.pose = pose._replace(point=pose.point + ahead)
         return
-    offset_m = place.offset_m if mover.lane_offset_m is None else mover.lane_offset_m
+    changed_m = mover.lane_offset_m
+    offset_m = place.offset_m if changed_m is None else changed_m * place.along
     aside_m = (offset_m - place.offset_m) * place.along
     sign = 1 if distance_m >= 0 else -1
     facing = place._replace(along=place.along * sign)
     choose = stage.choose_way(mover, facing)
-    moved = roads.advance(facing, abs(distance_m), offset_m * 1.0, choose)
+    moved = roads.advance(facing, abs(distance_m), offset_m, choose)
     if moved is None:
+        if not mover.is_at_end:
+            name = "end of a road at which an actor stops"
+            plural = "ends of roads at which actors stop"
+            stage.scope.findings.ledger.leave_out(name, plural=plural)
         mover.is_at_end = True
         mover.speed_m_s = 0.0
         mover.processes.pop("speed", None)
         return
     moved = moved._replace(along=moved.along * sign)
     point, heading = roads.locate(moved)
-    slope = math.atan2(aside_m, distance_m) if abs(distance_m) > abs(aside_m) else 0.0
-    mover.pose = Pose(point, heading + slope, lane=moved)
+    if distance_m:
+        # Of the way, which is as long as the distance, this part leads aside.
+        aside = min(max(aside_m / distance_m, -MAX_ASIDE), MAX_ASIDE)
+        heading += math.asin(aside)
+    else:  # one that stands does not turn
+        heading = pose.heading
+    mover.pose = Pose(point, heading, lane=moved)

@@ -92,12 +92,21 @@ class RoadMap:
         """Compute the point of a place, and the heading of who drives there along its lane."""
         left_m = self.find_left(place)
         point, heading = self.locate_road(place.road, place.station_m, left_m)
-        before, after = (
-            self.find_left(place._replace(station_m=place.station_m + step))
-            for step in (-SLOPE_STEP_M, SLOPE_STEP_M)
-        )
-        slope = math.atan2(after - before, 2 * SLOPE_STEP_M)
+        slope = math.atan(self._find_slope(place))
         return point, heading + slope + (0.0 if place.along > 0 else math.pi)
+
+    def _find_slope(self, place: LanePlace) -> float:
+        """Measure how fast a lane moves aside, within its section."""
+        road = self._document.roads[place.road]
+        begins_m, ends_m = _bound_section(
+            road, self._find_section(road, place.station_m, place.along)
+        )
+        low_m = max(place.station_m - SLOPE_STEP_M, begins_m + 3 * BOUNDARY_M)
+        high_m = min(place.station_m + SLOPE_STEP_M, ends_m - 3 * BOUNDARY_M)
+        if high_m - low_m < SLOPE_STEP_M / 2:
+            return 0.0
+        before, after = (self.find_left(place._replace(station_m=at)) for at in (low_m, high_m))
+        return (after - before) / (high_m - low_m)
 
     def find_left(self, place: LanePlace) -> float:
         """Compute the distance of a place to the left of the reference line of its road."""

@@ -80,7 +80,7 @@ class Mover:
         acceleration_m_s2: Change of speed over the last step.
         standing_s: Time for which it has stood.
         is_at_end: Whether no road leads further.
-        lane_offset_m: Offset in its lane at the end of the step; None keeps it.
+        lane_offset_m: Offset to its left in its lane at the end of the step; None keeps it.
         samples: Where it has been, in pieces between being added and deleted.
     """
 

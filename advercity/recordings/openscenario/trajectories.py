@@ -238,7 +238,7 @@ class TimedFollower:
 
 
 class PathFollower:
-    """Leads an entity along a line at its own speed."""
+    """Leads an entity along a line at its own speed, forwards or backwards."""
 
     def __init__(self, poses: Sequence[Pose], begins_m: float) -> None:
         self.is_done = False
@@ -248,16 +248,15 @@ class PathFollower:
         self._at_m = begins_m
 
     def advance(self, mover: Mover, stage: Stage, step_s: float) -> None:
-        """Lead the entity along the line; beyond its end it keeps its heading."""
-        self._at_m += mover.speed_m_s * step_s
+        """Lead the entity along the line; beyond its ends it keeps its heading."""
+        moved_m = mover.speed_m_s * step_s
+        self._at_m += moved_m
         length_m = float(self._stations_m[-1])
         at_m = min(max(self._at_m, 0.0), length_m)
         mover.pose = self.find_pose(at_m)
-        beyond_m = self._at_m - length_m
-        if beyond_m >= 0:
-            self.is_done = True
-            ahead = beyond_m * complex(np.exp(1j * mover.pose.heading))
-            mover.pose = mover.pose._replace(point=mover.pose.point + ahead)
+        self.is_done = self._at_m >= length_m or (self._at_m <= 0 and moved_m < 0)
+        beyond = (self._at_m - at_m) * complex(np.exp(1j * mover.pose.heading))
+        mover.pose = mover.pose._replace(point=mover.pose.point + beyond)
 
     def find_pose(self, at_m: float) -> Pose:
         """Return the pose at a distance along the line."""
