@@ -20,8 +20,6 @@ from advercity.recordings.openscenario.speeds import parse_speed, parse_speed_pr
 from advercity.recordings.openscenario.stage import Mover, Pose, Process, Stage
 from advercity.recordings.openscenario.trajectories import Follow, parse_follow
 
-MAX_JUMP_M = 1.0
-"""Longest way of a teleport while an entity is on the road."""
 Start = Callable[[Any, Stage], Process | None]
 """Begins an action of an entity; None if it has ended at once."""
 
@@ -61,10 +59,7 @@ def _parse_teleport(scope: Scope, element: Element, catalogues: Catalogues) -> A
 
     def start(mover: Mover, stage: Stage) -> None:
         pose = find(stage)
-        jump_m = abs(pose.point - mover.pose.point) if mover.pose is not None else 0.0
-        if jump_m > MAX_JUMP_M and stage.step:
-            message = f"'{mover.entity.name}' jumps {jump_m:.1f} m at {stage.time_s:g} s"
-            stage.fail(scope, element, message, "end the scenario before with a <StopTrigger>")
+        stage.check_jump(scope, element, mover, pose.point)
         _put(mover, pose, stage, scope, element)
         mover.is_at_end = False
 

@@ -3,7 +3,7 @@
 import math
 import operator
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
@@ -102,11 +102,12 @@ class ConditionParser:
     """Parses triggers; conditions on parts of the storyboard find them by name later.
 
     Attributes:
-        elements: Parts of the storyboard, by type and name, as far as they are parsed.
+        elements: Parts of the storyboard, by type and names from the story to their own, as far as
+            they are parsed.
     """
 
     def __init__(self) -> None:
-        self.elements: dict[tuple[str, str], StoryElement] = {}
+        self.elements: dict[tuple[str, tuple[str, ...]], StoryElement] = {}
 
     def parse_trigger(self, scope: Scope, element: Element, tag: str) -> Trigger | None:
         """Parse a trigger of an element; None if it has none, or one without conditions."""
@@ -179,16 +180,22 @@ class ConditionParser:
 
     def _parse_state(self, scope: Scope, element: Element) -> Test:
         kind = scope.get(element, "storyboardElementType")
-        name = scope.get(element, "storyboardElementRef").rpartition("::")[2]
-        state = scope.get(element, "state")
+        name, state = scope.get(element, "storyboardElementRef"), scope.get(element, "state")
+        names = tuple(name.split("::"))
 
         def check(stage: Stage) -> bool:
-            found = self.elements.get((kind, name))
+            found = next(self._list_elements(kind, names), None)
             if found is None:
                 stage.fail(scope, element, f"there is no {kind[:20]} '{name[:40]}'")
             return found.is_in(state, stage)
 
         return check
+
+    def _list_elements(self, kind: str, names: tuple[str, ...]) -> Iterator[StoryElement]:
+        """List the parts of the storyboard whose last names are these."""
+        for (known, path), part in self.elements.items():
+            if known == kind and path[-len(names) :] == names:
+                yield part
 
 
 def _parse_value(scope: Scope, element: Element) -> Test:
@@ -301,7 +308,9 @@ def _parse_headway(scope: Scope, element: Element) -> EntityTest:
         other = stage.find_mover(scope, element, name)
         assert other.pose is not None
         distance_m = measure_distance(stage, scope, element, kind, mover, other.pose, other)
-        return abs(distance_m) / mover.speed_m_s if mover.speed_m_s > 0 else math.inf
+        if distance_m < 0:  # there is no headway to one behind
+            return math.nan
+        return distance_m / mover.speed_m_s if mover.speed_m_s > 0 else math.inf
 
     return _parse_compared(scope, element, measure)
 

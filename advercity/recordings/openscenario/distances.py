@@ -59,7 +59,8 @@ def measure_distance(
     """Measure the distance from an entity to a place, or to another entity there.
 
     Returns:
-        Metres; ahead and to the left are above 0, unless the distance is Euclidean.
+        Metres; ahead and to the left are above 0, unless the distance is Euclidean. NaN if no road
+        leads from one to the other.
     """
     assert mover.pose is not None
     own = (
@@ -84,7 +85,7 @@ def measure_distance(
         stage.fail(scope, element, message)
     ahead_m = _measure_along(roads, place, target)
     if ahead_m is None:
-        return math.inf
+        return math.nan
     aside_m = roads.find_left(target) - roads.find_left(place)
     turn = complex(np.exp(-1j * mover.pose.heading))
     their_turn = turn if other is None else complex(np.exp(-1j * goal.heading))

@@ -56,7 +56,8 @@ def parse_lane_change(
             message = f"road '{place.road}' has no lane {target.lane} at {place.station_m:g} m"
             stage.fail(scope, element, message)
         begin_m = roads.find_left(place) - roads.find_left(target)
-        return _start_offset(mover, stage, target, Transition(dynamics, begin_m, offset_m))
+        transition = Transition(dynamics, begin_m, offset_m)
+        return _start_offset(mover, stage, scope, element, target, transition)
 
     return start
 
@@ -144,31 +145,56 @@ def parse_lane_offset(
         place = find_own_lane(stage, scope, element, mover.entity.name)
         end_m = offset_m
         if name is not None:
-            end_m += find_own_lane(stage, scope, target, name).offset_m
+            other = find_own_lane(stage, scope, target, name)
+            other_m, left = _measure_offset(stage, scope, target, place, other)
+            end_m = other_m + left * offset_m
         change_m = abs(end_m - place.offset_m)
         time_s = math.sqrt(change_m * SHAPES[shape].peak_curvature / limit)
         dynamics = Dynamics(SHAPES[shape], "time", time_s if math.isfinite(time_s) else 0.0)
         transition = Transition(dynamics, place.offset_m, end_m)
-        return _start_offset(mover, stage, place, transition, is_kept=is_kept)
+        return _start_offset(mover, stage, scope, element, place, transition, is_kept=is_kept)
 
     return start
+
+
+def _measure_offset(
+    stage: Stage, scope: Scope, element: Element, place: LanePlace, other: LanePlace
+) -> tuple[float, int]:
+    """Measure where another entity is in the lane of a place, and which way is to its left."""
+    roads = stage.open_map()
+    assert roads is not None
+    lane = find_same_lane(roads, place, other)
+    if lane is None:
+        stage.fail(scope, element, f"no lane of road '{place.road}' leads to that of the entity")
+    turned = 1 if place.road == other.road else place.along * other.along
+    beside = place._replace(lane=lane, offset_m=other.offset_m * turned)
+    offset_m = roads.find_left(beside) - roads.find_left(place._replace(offset_m=0.0))
+    return offset_m, other.along * turned
 
 
 def _start_offset(
     mover: Mover,
     stage: Stage,
+    scope: Scope,
+    element: Element,
     place: LanePlace,
     transition: Transition,
     *,
     is_kept: bool = False,
 ) -> Process:
     assert mover.pose is not None
+    place = place._replace(offset_m=transition.value)
+    if transition.is_done:  # at once
+        roads = stage.open_map()
+        assert roads is not None
+        point, _ = roads.locate(place)
+        stage.check_jump(scope, element, mover, point)
+        mover.pose = mover.pose._replace(point=point)
+    mover.pose = mover.pose._replace(lane=place)
     change = OffsetChange(transition, place.along, is_kept=is_kept)
-    mover.pose = mover.pose._replace(lane=place._replace(offset_m=transition.begin))
     mover.assign(change, "lateral")
     path = mover.processes.get("path")
     if path is not None:
         path.is_done = True
-    if transition.is_done:  # at once
-        change.advance(mover, stage, 0.0)
+    change.advance(mover, stage, 0.0)
     return change

@@ -19,6 +19,9 @@ from advercity.recordings.openscenario.road_map import (
 ACROSS_RAD = math.pi / 4
 """One that is turned further from its lane does not follow it."""
 
+MAX_JUMP_M = 1.0
+"""Farthest that an action may put an entity at once, while the scenario is played."""
+
 
 class Entity(NamedTuple):
     """A road user of the scenario; the centre of its box is relative to the reference point."""
@@ -147,6 +150,15 @@ class Stage:
         """Raise DiagnosticsError for something that shows only while the scenario is played."""
         scope.refuse(element, message, hint)
         raise DiagnosticsError(*scope.findings.problems.values())
+
+    def check_jump(self, scope: Scope, element: Element, mover: Mover, point: complex) -> None:
+        """Raise DiagnosticsError if an action puts an entity that is on the road elsewhere."""
+        if mover.pose is None or not self.step:
+            return
+        jump_m = abs(point - mover.pose.point)
+        if jump_m > MAX_JUMP_M:
+            message = f"'{mover.entity.name}' jumps {jump_m:.1f} m at {self.time_s:g} s"
+            self.fail(scope, element, message, "end the scenario before with a <StopTrigger>")
 
     def find_mover(self, scope: Scope, element: Element, name: str) -> Mover:
         """Find an entity that must be somewhere."""

@@ -1,6 +1,7 @@
 """The storyboard: stories, acts, maneuver groups, maneuvers and events, and how each runs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
 from xml.etree.ElementTree import Element
@@ -228,6 +229,7 @@ class StoryboardParser:
     def __init__(self, scope: Scope, catalogues: Catalogues) -> None:
         self._scope, self._catalogues = scope, catalogues
         self._conditions = ConditionParser()
+        self._path: list[str] = []
         self._times_s: list[float] = []
         self._last_s = 0.0
 
@@ -253,16 +255,19 @@ class StoryboardParser:
 
     def _parse_story(self, element: Element) -> Story:
         scope = self._scope.nest(element)
-        acts = [self._parse_act(scope, item) for item in element.iterfind("Act")]
-        return self._register(scope, element, "story", Story(acts=acts))
+        with self._inside(scope, element):
+            acts = [self._parse_act(scope, item) for item in element.iterfind("Act")]
+            return self._register("story", Story(acts=acts))
 
     def _parse_act(self, scope: Scope, element: Element) -> Act:
-        act = Act(
-            start_trigger=self._parse_trigger(scope, element, "StartTrigger"),
-            stop_trigger=self._parse_trigger(scope, element, "StopTrigger"),
-            groups=[self._parse_group(scope, item) for item in element.iterfind("ManeuverGroup")],
-        )
-        return self._register(scope, element, "act", act)
+        with self._inside(scope, element):
+            groups = [self._parse_group(scope, item) for item in element.iterfind("ManeuverGroup")]
+            act = Act(
+                start_trigger=self._parse_trigger(scope, element, "StartTrigger"),
+                stop_trigger=self._parse_trigger(scope, element, "StopTrigger"),
+                groups=groups,
+            )
+            return self._register("act", act)
 
     def _parse_group(self, scope: Scope, element: Element) -> ManeuverGroup:
         holder = element.find("Actors")
@@ -278,33 +283,38 @@ class StoryboardParser:
             entry = self._catalogues.find(scope, reference)
             if entry is not None:
                 found.append(entry)
-        group = ManeuverGroup(
-            maneuvers=[self._parse_maneuver(inner, item, actors) for inner, item in found],
-            max_executions=_parse_count(scope, element),
-        )
-        return self._register(scope, element, "maneuverGroup", group)
+        with self._inside(scope, element):
+            maneuvers = [self._parse_maneuver(inner, item, actors) for inner, item in found]
+            group = ManeuverGroup(maneuvers=maneuvers, max_executions=_parse_count(scope, element))
+            return self._register("maneuverGroup", group)
 
     def _parse_maneuver(self, scope: Scope, element: Element, actors: list[str]) -> Maneuver:
-        events = [self._parse_event(scope, item, actors) for item in element.iterfind("Event")]
-        return self._register(scope, element, "maneuver", Maneuver(events=events))
+        with self._inside(scope, element):
+            events = [self._parse_event(scope, item, actors) for item in element.iterfind("Event")]
+            return self._register("maneuver", Maneuver(events=events))
 
     def _parse_event(self, scope: Scope, element: Element, actors: list[str]) -> Event:
         priority = scope.get(element, "priority", "parallel")
         if priority not in PRIORITIES:
             scope.refuse(element, f"there is no priority '{priority[:20]}'")
-        actions: list[tuple[StoryElement, Action]] = []
+        with self._inside(scope, element):
+            event = Event(
+                priority=priority,
+                max_executions=_parse_count(scope, element),
+                trigger=self._parse_trigger(scope, element, "StartTrigger"),
+                actions=list(self._parse_actions(scope, element)),
+                actors=actors,
+            )
+            return self._register("event", event)
+
+    def _parse_actions(
+        self, scope: Scope, element: Element
+    ) -> Iterator[tuple[StoryElement, Action]]:
         for item in element.iterfind("Action"):
-            for action in parse_actions(scope, list(item), self._catalogues):
-                self._last_s = max(self._last_s, action.last_s)
-                actions.append((self._register(scope, item, "action", StoryElement()), action))
-        event = Event(
-            priority=priority,
-            max_executions=_parse_count(scope, element),
-            trigger=self._parse_trigger(scope, element, "StartTrigger"),
-            actions=actions,
-            actors=actors,
-        )
-        return self._register(scope, element, "event", event)
+            with self._inside(scope, item):
+                for action in parse_actions(scope, list(item), self._catalogues):
+                    self._last_s = max(self._last_s, action.last_s)
+                    yield self._register("action", StoryElement()), action
 
     def _parse_trigger(self, scope: Scope, element: Element, tag: str) -> Trigger | None:
         trigger = self._conditions.parse_trigger(scope, element, tag)
@@ -312,8 +322,15 @@ class StoryboardParser:
             self._times_s += trigger.list_times()
         return trigger
 
-    def _register(self, scope: Scope, element: Element, kind: str, part: Part) -> Part:
-        self._conditions.elements.setdefault((kind, scope.get(element, "name", "")), part)
+    @contextmanager
+    def _inside(self, scope: Scope, element: Element) -> Generator[None]:
+        """Parse what is in an element, whose name is part of theirs."""
+        self._path.append(scope.get(element, "name", ""))
+        yield
+        self._path.pop()
+
+    def _register(self, kind: str, part: Part) -> Part:
+        self._conditions.elements.setdefault((kind, tuple(self._path)), part)
         return part
 
 

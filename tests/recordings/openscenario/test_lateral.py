@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from advercity.diagnostics import DiagnosticsError
 from tests.recordings.openscenario.scenarios import (
     at,
     begin,
@@ -68,3 +69,37 @@ def test_an_offset_is_to_the_left_along_the_road(tmp_path: Path) -> None:
     # The largest acceleration of a cubic is 6 times way by time², so that it takes 1.34 s.
     y = find_rear_axle(tracks["Ego"], 1.0 + (6 * 0.6 / 2) ** 0.5 / 2)[0, 1]
     assert y == pytest.approx(-1.75 + 0.3, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("name", "of", "value_m", "y"),
+    [
+        # To the left of one that drives east is north, of one that drives west south.
+        ("Ego", "Other", 2.5, -0.75),
+        ("Ego", "Other", -0.25, 2.0),
+        ("Other", "Ego", 3.25, 1.5),
+    ],
+)
+def test_an_offset_is_relative_to_the_place_of_another(
+    name: str, of: str, value_m: float, y: float, tmp_path: Path
+) -> None:
+    offset = f"""<LateralAction><LaneOffsetAction continuous="false">
+      <LaneOffsetActionDynamics dynamicsShape="sinusoidal" maxLateralAcc="3"/>
+      <LaneOffsetTarget><RelativeTargetLaneOffset entityRef="{of}" value="{value_m}"/>
+      </LaneOffsetTarget></LaneOffsetAction></LateralAction>"""
+    init = begin("Ego", '<LanePosition roadId="1" laneId="-1" s="20"/>', 10.0) + begin(
+        "Other", '<LanePosition roadId="1" laneId="1" s="380"/>', 10.0
+    )
+    tracks = play(tmp_path, maneuver(name, event(offset, at(1))), init=init)
+
+    assert find_rear_axle(tracks[name], 6.0)[0, 1] == pytest.approx(y)
+
+
+def test_a_lane_change_at_once_is_made_before_the_begin_and_a_jump_after(tmp_path: Path) -> None:
+    place = '<LanePosition roadId="1" laneId="-1" s="20"/>'
+    at_once = change_lane(1, "step")
+    ego = play(tmp_path, init=begin("Ego", place, 10.0, at_once))["Ego"]
+    assert find_rear_axle(ego, 0.0, 5.0).ravel() == pytest.approx([20, 1.75, 70, 1.75])
+
+    with pytest.raises(DiagnosticsError, match=r"jumps 3\.5 m at 2 s"):
+        play(tmp_path, maneuver("Ego", event(at_once, at(2))), init=begin("Ego", place, 10.0))
