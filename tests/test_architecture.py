@@ -15,6 +15,7 @@ ROOMS = (
         "semantics",
         "materials",
         "material_maps",
+        "image_files",
         "media",
         "digests",
         "identity_cache",

@@ -8,6 +8,7 @@ import hashlib
 import io
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from advercity.errors import RunError
 from advercity.geometry.arrays import Float64Array, Uint8Array
+from advercity.image_files import decode_image
 
 if TYPE_CHECKING:
     import trimesh
@@ -108,10 +110,9 @@ def _load_textures(files: Mapping[str, bytes]) -> dict[str, Uint8Array]:
             if words[0] == "newmtl" and len(words) > 1:
                 material = words[1]
             elif words[0] == "map_Kd" and len(words) > 1 and words[1] in files:
-                raw = np.frombuffer(files[words[1]], np.uint8)
-                image = cv2.imdecode(raw, cv2.IMREAD_COLOR)
-                if image is not None:
-                    textures[material] = image[..., ::-1].astype(np.uint8)
+                with suppress(ValueError):
+                    image = decode_image(files[words[1]], cv2.IMREAD_COLOR_RGB)
+                    textures[material] = image.astype(np.uint8)
     return textures
 
 

@@ -38,6 +38,7 @@ from advercity.documents import MAX_JSON_BYTES, MAX_YAML_BYTES, parse_json, pars
 from advercity.errors import InputError, RunError, describe_cause
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
+from advercity.image_files import decode_image
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.measurements import (
     KELVIN_PER_COUNT,
@@ -551,17 +552,14 @@ class AgentView:
 
     def _read_image(self, suffix: str, mode: int) -> NDArray[np.uint8]:
         path = self.path(suffix)
-        image: Any = None
         try:
-            raw = np.frombuffer(read_bytes(path, max_bytes=MAX_IMAGE_BYTES), np.uint8)
-            image = cv2.imdecode(raw, mode)  # None if it is damaged
+            return decode_image(read_bytes(path, max_bytes=MAX_IMAGE_BYTES), mode)
         except PermissionError as error:
             raise RunError(f"{path}: cannot be read: {describe_cause(error)}") from error
-        except (OSError, cv2.error):  # missing, or empty
-            pass
-        if image is None:
-            raise InputError(f"{path}: is missing or no image; {self.hint}")
-        return image
+        except OSError as error:
+            raise InputError(f"{path}: is missing; {self.hint}") from error
+        except ValueError as error:
+            raise InputError(f"{path}: is damaged, {error}; {self.hint}") from error
 
 
 def extract_measured(

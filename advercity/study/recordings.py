@@ -21,6 +21,7 @@ from advercity.dataset.reader import open_dataset
 from advercity.dataset.scenario_folders import find_scenarios
 from advercity.documents import read_bytes
 from advercity.errors import InputError, describe_cause
+from advercity.image_files import decode_image
 
 Item = TypeVar("Item")
 INSTALL_HINT = "try: pip install 'advercity[benchmark]'"
@@ -211,11 +212,11 @@ class _PictureFile:
 
     def __call__(self) -> NDArray[np.uint8]:
         """Read the picture (h, w, 3)."""
-        raw = np.frombuffer(_read(self.path, MAX_PICTURE_BYTES), np.uint8)
-        image = cv2.imdecode(raw, cv2.IMREAD_COLOR_RGB) if len(raw) else None
-        if image is None:
-            raise InputError(f"{self.path}: is no picture")
-        return image.astype(np.uint8)
+        raw = _read(self.path, MAX_PICTURE_BYTES)
+        try:
+            return decode_image(raw, cv2.IMREAD_COLOR_RGB).astype(np.uint8)
+        except ValueError as error:
+            raise InputError(f"{self.path}: is no picture: {error}") from error
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def test_what_the_folder_does_not_say_is_unknown(folder: Path) -> None:
         _ = scenario.spec
     with pytest.raises(InputError, match="641: its files do not say what rig"):
         _ = view.agent
-    with pytest.raises(InputError, match=r"semantic0.png: is missing or no image; take it again"):
+    with pytest.raises(InputError, match=r"semantic0\.png: is missing; take it again"):
         view.semantic(0)
     with pytest.raises(InputError, match="641 has no radar"):
         _ = view.radar

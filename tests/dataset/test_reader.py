@@ -237,7 +237,7 @@ def test_a_missing_image_is_reported(dataset: Dataset) -> None:
     view = dataset[1]["cav2"]
     path = view.path("_camera1.png")
     path.rename(path.with_suffix(".moved"))
-    with pytest.raises(InputError, match=f"{path}: is missing or no image"):
+    with pytest.raises(InputError, match=f"{path}: is missing"):
         view.image(1)
     path.with_suffix(".moved").rename(path)
 
