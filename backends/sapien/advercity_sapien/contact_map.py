@@ -14,11 +14,15 @@ from advercity.rendering.raycaster import Raycaster, Rays
 from advercity.semantics import Semantic
 from advercity.world import World
 from advercity_sapien.light_probes import LightProbes
-from advercity_sapien.probe_grid import GROUND_CLASSES
+from advercity_sapien.probe_grid import GROUND_CLASSES, select_static
 
 TEXEL_M, MAX_TEXELS = 0.2, 1536
 CLEARANCE_M = 0.6
 """Gap below static things up to which they darken the ground."""
+REACH_M = 2.0 * CLEARANCE_M
+STANDING_M = 0.01
+"""Depth under the ground down to which a face of what stands on it may be."""
+PLANTS = (Semantic.VEGETATION,)
 GAP_HIDES, GAP_BLUR_M = 0.92, 0.15
 """Fraction of the sky that a body hides from the ground under it, and how soft its outline is."""
 SIDES_HIDE, SIDES_BLUR_M = 0.4, 0.9
@@ -71,15 +75,15 @@ def _find_low_things(
     """Find where static things are close above the ground (rows, columns): 1, elsewhere 0."""
     x = probes.corner[0] + (np.arange(columns) + 0.5) * probes.size[0] / columns
     y = probes.corner[1] + (np.arange(rows) + 0.5) * probes.size[1] / rows
-    ground = cv2.resize(probes.ground, (columns, rows))
-    origins = np.stack([*np.meshgrid(x, y), ground + CLEARANCE_M], axis=-1)
+    height_m = cv2.resize(probes.ground, (columns, rows))
+    origins = np.stack([*np.meshgrid(x, y), height_m + CLEARANCE_M], axis=-1)
     origins = origins.reshape(-1, 3).astype(np.float32)
     down = np.broadcast_to(np.array([0.0, 0.0, -1.0], np.float32), origins.shape)
-    raycaster = Raycaster(world)
-    below = raycaster.cast(Rays(origins, down), 2.0 * CLEARANCE_M)
-    above = raycaster.cast(Rays(origins, -down), CLEARANCE_M)
     # Low plants cover whole fields, and are lit as ground is.
-    lit = (*GROUND_CLASSES, Semantic.VEGETATION)
-    is_low = np.isfinite(below.range_m) & ~np.isin(below.semantic, lit)
-    is_low |= np.isfinite(above.range_m) & (above.semantic == Semantic.VEHICLE)
+    things = Raycaster(select_static(world, *set(Semantic).difference(GROUND_CLASSES, PLANTS)))
+    ground = Raycaster(select_static(world, *GROUND_CLASSES)).cast(Rays(origins, down), REACH_M)
+    below, above = (things.cast(Rays(origins, way), REACH_M) for way in (down, -down))
+    # What stands on the ground has a face in its plane.
+    is_low = np.isfinite(below.range_m) & (below.range_m < ground.range_m + STANDING_M)
+    is_low |= (above.range_m < CLEARANCE_M) & (above.semantic == Semantic.VEHICLE)
     return is_low.reshape(rows, columns).astype(np.float32)

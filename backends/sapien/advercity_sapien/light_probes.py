@@ -95,7 +95,7 @@ def bake_light_probes(world: World, atmosphere: Atmosphere) -> LightProbes:
     if atmosphere.is_dark or not world.lanes:
         return NO_PROBES
     raycaster = Raycaster(world)
-    grid = place_grid(raycaster, world)
+    grid = place_grid(world)
     around = _Surroundings.from_atmosphere(atmosphere)
     levels = [_gather_light(raycaster, grid, height, around) for height in LEVEL_HEIGHTS_M]
     found = np.stack([grid.smooth(level.moments, level.is_buried) for level in levels])

@@ -24,7 +24,8 @@ GROUND_CLASSES = (
     Semantic.TERRAIN,
     Semantic.GROUND,
 )
-MAX_SURFACES_ABOVE_GROUND = 8
+TOP_M = 500.0
+"""Height above all of a world."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,27 +97,27 @@ class ProbeGrid:
         return np.stack(smooth, axis=-1).astype(np.float64)
 
 
-def place_grid(raycaster: Raycaster, world: World) -> ProbeGrid:
+def place_grid(world: World) -> ProbeGrid:
     """Place the grid around the lanes."""
     points = np.concatenate([lane.left[:, :2] for lane in world.lanes])
     low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
     spacing = max(PROBE_SPACING_M, float((high - low).max()) / MAX_PROBES_PER_EDGE)
     columns, rows = (int(count) for count in np.ceil((high - low) / spacing))
     level = ProbeGrid((float(low[0]), float(low[1])), spacing, np.zeros((rows, columns)))
-    return replace(level, ground=_find_ground(raycaster, level))
+    return replace(level, ground=_find_ground(world, level))
 
 
-def _find_ground(raycaster: Raycaster, grid: ProbeGrid) -> Float64Array:
+def select_static(world: World, *classes: Semantic) -> World:
+    """Return a world with the static meshes of some classes alone."""
+    return replace(world, static=tuple(mesh for mesh in world.static if mesh.semantic in classes))
+
+
+def _find_ground(world: World, grid: ProbeGrid) -> Float64Array:
     """Find the height (rows, columns) of the ground, below trees and roofs."""
-    top = 500.0
-    origins = grid.list_points(top)
-    ground = np.full(len(origins), np.nan)
-    for _ in range(MAX_SURFACES_ABOVE_GROUND):
-        pending = np.flatnonzero(np.isnan(ground))
-        down = np.broadcast_to(np.array([0.0, 0.0, -1.0], np.float32), (len(pending), 3))
-        hits = raycaster.cast(Rays(origins[pending], down), 2.0 * top)
-        height = origins[pending, 2] - hits.range_m
-        is_ground = np.isin(hits.semantic, GROUND_CLASSES) & np.isfinite(hits.range_m)
-        ground[pending[is_ground]] = height[is_ground]
-        origins[pending, 2] = height - RAY_OFFSET_M
+    # Rays meet the ground alone: which of two faces in one plane they would hit is not decided.
+    raycaster = Raycaster(select_static(world, *GROUND_CLASSES))
+    origins = grid.list_points(TOP_M)
+    down = np.broadcast_to(np.array([0.0, 0.0, -1.0], np.float32), origins.shape)
+    range_m = raycaster.cast(Rays(origins, down), 2.0 * TOP_M).range_m
+    ground = np.where(np.isfinite(range_m), origins[:, 2] - range_m, np.nan)
     return np.where(np.isnan(ground), np.nanmedian(ground), ground).reshape(grid.ground.shape)

@@ -89,9 +89,10 @@ def test_a_car_is_dark_by_its_own_contact_neither_on_its_roof_nor_on_its_sides()
     ("bottom_m", "semantic", "is_dark"),
     [
         (0.3, Semantic.VEHICLE, True),  # a parked car
-        # A bin, off the ground by 10 cm: below a face within some centimetres of the ground some
-        # processors find no ground, which leaves its contact light.
-        (0.1, Semantic.STATIC, True),
+        (0.0, Semantic.STATIC, True),  # a bin
+        (-0.009, Semantic.STATIC, True),
+        (0.009, Semantic.STATIC, True),
+        (-1.3, Semantic.STATIC, False),  # a foundation
         (4.0, Semantic.TRAFFIC_SIGN, False),
         (-0.85, Semantic.VEGETATION, False),  # crops that came up
     ],
