@@ -75,6 +75,8 @@ class World:
     lanes: tuple[LaneSegment, ...]
     network: Path
     """SUMO network; it has the coordinates of the world, of left-hand traffic mirrored."""
+    is_left_hand: bool = False
+    """Whether traffic drives on the left."""
     street_lamps: tuple[StreetLamp, ...] = ()
     signal_lamps: tuple[SignalLamp, ...] = ()
     material_maps: Mapping[str, MaterialMaps] = field(default_factory=dict[str, MaterialMaps])

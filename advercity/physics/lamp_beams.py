@@ -7,7 +7,7 @@ peak of a lamp.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -25,6 +25,8 @@ class LampPattern(IntEnum):
     FOG_BEAM = 3
     HIGH_BEAM = 4
     LED_LOW_BEAM = 5
+    LEFT_HAND_LOW_BEAM = 6
+    LEFT_HAND_LED_LOW_BEAM = 7
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class LightSource:
 
 @dataclass(frozen=True)
 class LampBeam:
-    """Relative intensity of a headlamp with a cut-off, for right-hand traffic.
+    """Relative intensity of a headlamp with a cut-off.
 
     With h and v the angles in degrees to the right of the axis and above it, the cut-off lies at
     `v = clip(kink_slope h, 0, kink_max_deg) - cutoff_drop_deg`, x is the angle above it, and
@@ -57,7 +59,8 @@ class LampBeam:
 
     Attributes:
         cutoff_drop_deg: Angle of the level part of the cut-off below the axis.
-        kink_slope: Rise of the cut-off to the right, degrees per degree; 0 for a level one.
+        kink_slope: Rise of the cut-off to the right, degrees per degree; 0 for a level one,
+            negative for one that rises to the left.
         kink_max_deg: Height at which the rising part ends.
         cutoff_softness_deg: Width of the transition from light to dark.
         stray_fraction: Relative intensity that remains above the cut-off.
@@ -91,6 +94,10 @@ class LampBeam:
         light *= np.where(v > 0.0, np.exp(-((v / self.above_width_deg) ** 2)), 1.0)
         sideways = (h - self.peak_right_deg) / self.horizontal_sigma_deg
         return np.where(np.abs(h) < 90.0, light * np.exp(-(sideways**2) / 2.0), 0.0)
+
+    def mirror(self) -> "LampBeam":
+        """Return the beam with left and right swapped, for traffic on the other side."""
+        return replace(self, kink_slope=-self.kink_slope, peak_right_deg=-self.peak_right_deg)
 
     @property
     def equivalent_height_deg(self) -> float:
@@ -137,7 +144,7 @@ LOW_BEAM = LampBeam(
 )
 """Low beam, within the limits of UN R112, class B, at a peak of 20 kcd.
 
-The cut-off rises by 15 degrees (tan 15° = 0.27) to the right.
+The cut-off rises by 15 degrees (tan 15° = 0.27) to the right, for traffic on the right.
 """
 LED_LOW_BEAM = LampBeam(
     cutoff_drop_deg=0.57,
@@ -189,7 +196,14 @@ BEAMS = {
     LampPattern.LED_LOW_BEAM: LED_LOW_BEAM,
     LampPattern.FOG_BEAM: FRONT_FOG_BEAM,
     LampPattern.HIGH_BEAM: HIGH_BEAM,
+    LampPattern.LEFT_HAND_LOW_BEAM: LOW_BEAM.mirror(),
+    LampPattern.LEFT_HAND_LED_LOW_BEAM: LED_LOW_BEAM.mirror(),
 }
+LEFT_HAND_PATTERNS = {
+    LampPattern.LOW_BEAM: LampPattern.LEFT_HAND_LOW_BEAM,
+    LampPattern.LED_LOW_BEAM: LampPattern.LEFT_HAND_LED_LOW_BEAM,
+}
+"""Patterns of traffic on the left, by those of traffic on the right; all others are the same."""
 
 
 @dataclass(frozen=True)

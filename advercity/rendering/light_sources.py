@@ -1,6 +1,7 @@
 """Light sources of a scene at night: lamps of streets, signals and vehicles."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from advercity_dsl import ActorClass
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from advercity.frames import ActorState, Frame, Lamp, Signal
 from advercity.geometry.poses import transform_points
-from advercity.physics.lamp_beams import LampPattern, LightSource
+from advercity.physics.lamp_beams import LEFT_HAND_PATTERNS, LampPattern, LightSource
 from advercity.physics.photometry import (
     HALOGEN_COLOUR,
     LED_COLOUR,
@@ -85,7 +86,13 @@ def list_light_sources(world: World, frame: Frame) -> list[LightSource]:
         ),
     ]
     # Those that flicker may be dark throughout an exposure.
-    return [lamp for lamp in lamps if lamp.intensity_cd > 0.0]
+    lit = [lamp for lamp in lamps if lamp.intensity_cd > 0.0]
+    return [_mirror_pattern(lamp) for lamp in lit] if world.is_left_hand else lit
+
+
+def _mirror_pattern(lamp: LightSource) -> LightSource:
+    """Return a lamp as traffic on the left has it."""
+    return replace(lamp, pattern=LEFT_HAND_PATTERNS.get(lamp.pattern, lamp.pattern))
 
 
 def _build_street_light(lamp: StreetLamp) -> LightSource:

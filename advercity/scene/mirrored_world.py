@@ -14,6 +14,7 @@ def mirror_world(world: World) -> World:
     """Mirror a world without bodies at the x axis; writing stays readable, the network as it is."""
     return replace(
         world,
+        is_left_hand=True,
         static=tuple(_mirror_static(mesh) for mesh in world.static),
         lanes=tuple(mirror_lane(lane) for lane in world.lanes),
         street_lamps=tuple(

@@ -43,6 +43,7 @@ def save_world(world: World, path: Path) -> None:
     """Write a world to `path`, which ends in `.npz`, without its network and its bodies."""
     record = {
         "id": world.id,
+        "is_left_hand": world.is_left_hand,
         "meshes": [_encode_mesh(mesh) for mesh in world.static],
         "lanes": [(lane.id, lane.kind, lane.in_junction) for lane in world.lanes],
         "street_lamps": [(lamp.position, lamp.flux_lm) for lamp in world.street_lamps],
@@ -121,6 +122,7 @@ def _decode_world(record: Any, arrays: Mapping[str, Iterator[Any]], network: Pat
             for name, kind, in_junction in record["lanes"]
         ),
         network=network,
+        is_left_hand=record["is_left_hand"],
         street_lamps=tuple(StreetLamp(tuple(at), flux) for at, flux in record["street_lamps"]),
         signal_lamps=tuple(
             SignalLamp(name, tuple(at), tuple(facing), governs)

@@ -7,9 +7,11 @@ import pytest
 
 from advercity.geometry.arrays import Float64Array
 from advercity.physics.lamp_beams import (
+    BEAMS,
     FRONT_FOG_BEAM,
     HIGH_BEAM,
     LED_LOW_BEAM,
+    LEFT_HAND_PATTERNS,
     LENS,
     LOW_BEAM,
     LampBeam,
@@ -129,6 +131,7 @@ def test_every_pattern_shines_with_its_candelas_the_way_it_faces() -> None:
     rays = np.repeat(left[None], len(lamps), axis=0)
     found = dict(zip(LampPattern, intensity_towards(lamps, rays)[:, 0], strict=True))
     down = ray(0.0, -math.degrees(0.1))
+    mirrored = LOW_BEAM.mirror(), LED_LOW_BEAM.mirror()
     assert found == pytest.approx(
         {
             LampPattern.STREET: 1000 * math.cos(0.1),
@@ -136,8 +139,28 @@ def test_every_pattern_shines_with_its_candelas_the_way_it_faces() -> None:
             LampPattern.LED_LOW_BEAM: 1000 * LED_LOW_BEAM.relative_intensity(AHEAD, down)[0],
             LampPattern.LENS: 1000 * LENS.relative_intensity(np.array(math.cos(0.1))),
             LampPattern.FOG_BEAM: 1000 * FRONT_FOG_BEAM.relative_intensity(AHEAD, down)[0],
+            LampPattern.LEFT_HAND_LOW_BEAM: 1000 * mirrored[0].relative_intensity(AHEAD, down)[0],
+            LampPattern.LEFT_HAND_LED_LOW_BEAM: (
+                1000 * mirrored[1].relative_intensity(AHEAD, down)[0]
+            ),
             # 0.1 rad below the axis.
             LampPattern.HIGH_BEAM: 1000 * math.exp(-((math.degrees(0.1) / 3.5) ** 2)),
         }
     )
-    assert [pattern.value for pattern in LampPattern] == [0, 1, 2, 3, 4, 5]  # shaders know them
+    # Shaders know them.
+    assert [pattern.value for pattern in LampPattern] == [0, 1, 2, 3, 4, 5, 6, 7]
+
+
+@pytest.mark.parametrize(("pattern", "left_hand"), LEFT_HAND_PATTERNS.items())
+def test_low_beams_rise_to_the_near_side_of_the_road(
+    pattern: LampPattern, left_hand: LampPattern
+) -> None:
+    """One degree up, 8 degrees aside, the near side is lit, and the oncoming one is dark."""
+    near, oncoming = ray(8.0, 1.0), ray(-8.0, 1.0)
+    (right, dark), (mirrored_dark, left) = (
+        [BEAMS[kind].relative_intensity(AHEAD, way)[0] for way in (near, oncoming)]
+        for kind in (pattern, left_hand)
+    )
+    assert right == pytest.approx(left)
+    assert dark == pytest.approx(mirrored_dark)
+    assert left > 10 * mirrored_dark

@@ -107,6 +107,22 @@ def test_headlamps_of_leds_are_whiter_and_have_a_pattern_of_their_own():
     np.testing.assert_allclose(LED_HEADLAMP_COLOUR, black_body_colour(5700.0), atol=0.005)
 
 
+@pytest.mark.parametrize(
+    ("led", "low"),
+    [(False, LampPattern.LEFT_HAND_LOW_BEAM), (True, LampPattern.LEFT_HAND_LED_LOW_BEAM)],
+)
+def test_where_traffic_drives_on_the_left_low_beams_rise_to_the_left(led: bool, low: LampPattern):
+    (driving,) = frame(Lamp.LOW_BEAM | Lamp.HIGH_BEAM | Lamp.FOG).states
+    shown = Frame(0, 0.0, (replace(driving, has_led_headlamps=led),), {})
+    here, there = (
+        list_light_sources(replace(EMPTY, is_left_hand=side), shown) for side in (False, True)
+    )
+    assert [lamp.pattern for lamp in there[:2]] == [low, low]
+    # All else is the same.
+    assert there[2:] == here[2:]
+    assert [lamp.position for lamp in there] == [lamp.position for lamp in here]
+
+
 def test_a_motorcycle_has_one_beam_and_no_fog_lamps():
     rider = replace(CAR, actor_class="motorcycle", size=(2.0, 0.8, 1.5))
     states = apply_lamp_state(frame(Lamp(0), actor=rider), Lamps(low_beam=True, fog=True))

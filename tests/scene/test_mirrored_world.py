@@ -18,6 +18,7 @@ from advercity.roads.plan_frame import to_plan_spec
 from advercity.scene.build import build_world
 from advercity.scene.parking import find_parked_cars
 from advercity.scene.rooms import code_panes, mirror_panes
+from advercity.scene.world_storage import load_world, save_world
 from advercity.semantics import Semantic
 from advercity.world import World
 from tests.roads.left_hand_roads import AXIS_Y_M, build_street
@@ -96,6 +97,13 @@ def test_lanes_lamps_and_parked_cars_are_on_the_declared_side(world: World, spec
             # Beside the lane that leads east, and facing east.
             assert car.world_from_body[0, 0] == pytest.approx(1)
             assert AXIS_Y_M + 3.5 < car.world_from_body[1, 3] < AXIS_Y_M + 6
+
+
+def test_vehicles_have_headlamps_for_the_declared_side(world: World, plan: World, tmp_path: Path):
+    assert world.is_left_hand
+    assert not plan.is_left_hand
+    save_world(world, tmp_path / "world.npz")
+    assert load_world(tmp_path / "world.npz", world.network).is_left_hand
 
 
 def test_writing_reads_from_left_to_right(world: World, plan: World):

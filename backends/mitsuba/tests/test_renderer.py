@@ -136,13 +136,15 @@ def test_lamps_are_as_bright_as_sapiens(backend: MitsubaBackend, extinction: flo
     assert brightness(found).mean() == pytest.approx(brightness(expected).mean(), rel=0.03)
 
 
-@pytest.mark.parametrize("led", [False, True])
-def test_headlamps_have_the_pattern_that_sensors_know(backend: MitsubaBackend, led: bool) -> None:
+@pytest.mark.parametrize(("led", "is_left_hand"), [(False, False), (True, False), (False, True)])
+def test_headlamps_have_the_pattern_that_sensors_know(
+    backend: MitsubaBackend, led: bool, is_left_hand: bool
+) -> None:
     (state,) = build_frame((-3.0, 0.0, 0.0)).states
     lit = replace(state, lamps=Lamp.LOW_BEAM, has_led_headlamps=led)
     frame, night = Frame(0, 0.0, (lit,), {}), build_clear_air(night=True)
     found, expected = (
-        render(one, night, world=build_world(), frame=frame)
+        render(one, night, world=replace(build_world(), is_left_hand=is_left_hand), frame=frame)
         for one in (backend, load_backend("sapien"))
     )
     ahead = brightness(expected) > 0.05 * brightness(expected).max()

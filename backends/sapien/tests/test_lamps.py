@@ -165,17 +165,19 @@ def test_a_wall_beside_the_road_gets_the_light_of_beams_that_the_road_reflects(
     assert lit.mean() == pytest.approx(traced.mean(), rel=0.2)
 
 
+@pytest.mark.parametrize("is_left_hand", [False, True], ids=["right-hand", "left-hand"])
 @pytest.mark.parametrize(
     ("lamps", "led"),
     [(Lamp.LOW_BEAM, False), (Lamp.LOW_BEAM, True), (Lamp.FOG, False), (Lamp.HIGH_BEAM, False)],
 )
 def test_beams_have_the_pattern_that_sensors_know(
-    opened: Open, lamps: Lamp, led: bool, monkeypatch: pytest.MonkeyPatch
+    opened: Open, lamps: Lamp, led: bool, is_left_hand: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On a wall 10 m ahead, at the height of the lamps and below, without a road."""
     no_road = partial(compute_fog_beams, ground_albedo=0.0)
     monkeypatch.setattr("advercity_sapien.renderer.compute_fog_beams", no_road)
     wall = world_of(build_box((11.5, 0.0, 0.0), (1.0, 30.0, 4.0), "white"))
+    wall = replace(wall, is_left_hand=is_left_hand)
     frame = frame_of(replace(state(1, (0.0, 0.0, 0.0), lamps=lamps), has_led_headlamps=led))
     view = view_of(pose_matrix((1.0, 0.0, 0.7)), size=(180, 180))
     with opened(wall, air_of(night=True)) as renderer:

@@ -133,9 +133,11 @@ float fractionBeyond(float spreads) {
 // Intensity of a low beam or a front fog lamp along a ray, relative to its peak, of which fog of an
 // optical depth deflects a part by a little: `LampBeam` of the core's lamp_beams.py has the formulas.
 // What is below exp(-12) of it is dark.
-float beamIntensity(LampBeam b, vec3 facing, vec3 ray, float narrowDepth) {
+// `side` is -1 for a beam with left and right swapped.
+float beamIntensity(LampBeam b, vec3 facing, vec3 ray, float narrowDepth, float side) {
   float h, v;
   if (!beamAngles(facing, ray, h, v)) return 0.0;
+  h *= side;
   float x = v + b.cutoffDrop - clamp(b.kinkSlope * h, 0.0, b.kinkMax);
   float exponent = (h - b.peakRight) * (h - b.peakRight) / b.horizontalSquared;
   if (exponent > 12.0) return 0.0;
@@ -161,10 +163,13 @@ float lensFraction(float cosine) {
 // the compiler folds its constants.
 float intensityFraction(Lamp l, vec3 ray, float distance) {
   float depth = narrowDepth(distance);
-  if (l.kind == LAMP_LOW_BEAM) return beamIntensity(LOW_BEAM, l.facing, ray, depth);
-  if (l.kind == LAMP_LED_LOW_BEAM) return beamIntensity(LED_LOW_BEAM, l.facing, ray, depth);
-  if (l.kind == LAMP_FOG_BEAM) return beamIntensity(FRONT_FOG_BEAM, l.facing, ray, depth);
-  if (l.kind == LAMP_HIGH_BEAM) return beamIntensity(HIGH_BEAM, l.facing, ray, depth);
+  float side = l.kind == LAMP_LEFT_HAND_LOW_BEAM || l.kind == LAMP_LEFT_HAND_LED_LOW_BEAM ? -1.0 : 1.0;
+  if (l.kind == LAMP_LOW_BEAM || l.kind == LAMP_LEFT_HAND_LOW_BEAM)
+    return beamIntensity(LOW_BEAM, l.facing, ray, depth, side);
+  if (l.kind == LAMP_LED_LOW_BEAM || l.kind == LAMP_LEFT_HAND_LED_LOW_BEAM)
+    return beamIntensity(LED_LOW_BEAM, l.facing, ray, depth, side);
+  if (l.kind == LAMP_FOG_BEAM) return beamIntensity(FRONT_FOG_BEAM, l.facing, ray, depth, side);
+  if (l.kind == LAMP_HIGH_BEAM) return beamIntensity(HIGH_BEAM, l.facing, ray, depth, side);
   float cosine = max(dot(l.facing, ray), 0.0);
   return l.kind == LAMP_LENS ? lensFraction(cosine) : cosine;
 }
