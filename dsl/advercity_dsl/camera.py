@@ -23,6 +23,7 @@ from advercity_dsl.units import (
     Milliradians,
     Milliseconds,
     Number,
+    RangeReason,
     Seconds,
 )
 
@@ -190,7 +191,11 @@ class Camera(Sampled):
     """Image width."""
     height_px: Annotated[Count, Field(ge=16, le=8192)] = 1080
     """Image height."""
-    horizontal_fov_deg: Annotated[Degrees, Field(gt=5, lt=170)] = 100
+    horizontal_fov_deg: Annotated[
+        Degrees,
+        Field(gt=5, lt=170),
+        RangeReason("one plane is rendered; for a wider view, mount several cameras at one place"),
+    ] = 100
     """Angle that the width of the image spans, with its lens; the axis meets the image's middle."""
     intrinsics: Intrinsics | None = Field(default=None, exclude_if=is_none)
     """Focal lengths and principal point of a calibration, instead of `horizontal_fov_deg`."""
@@ -285,7 +290,7 @@ class Camera(Sampled):
         try:
             edge_rad = self.edge_angle_rad
         except ValueError as error:
-            hint = f"check its coefficients, or give a smaller {smaller}"
+            hint = f"check its coefficients, give a smaller {smaller}, or mount several cameras"
             raise InvalidCombination((place,), str(error), hint) from error
         if edge_rad > MAX_PINHOLE_EDGE_RAD and self.lens is None:
             message = f"shows {2 * math.degrees(edge_rad):.1f} deg from corner to corner"

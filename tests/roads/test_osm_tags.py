@@ -53,6 +53,8 @@ def test_the_table_has_every_key_of_roads() -> None:
         ({"maxspeed": "fast"}, "1 speed limit fast (line 1)"),
         ({}, "1 street without a speed limit (that of its class is taken) (line 1)"),
         ({"maxspeed": "50", "parking:left": "lane"}, "1 tag of parking at the roadside (line 1)"),
+        ({"maxspeed": "50", "tunnel": "yes"}, "1 roof of a tunnel (line 1)"),
+        ({"maxspeed": "50", "tunnel": "no", "bridge": "yes"}, ""),
         ({"maxspeed": "50", "oneway": "reversible"}, "1 one-way rule that changes (line 1)"),
     ],
 )

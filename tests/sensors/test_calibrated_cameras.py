@@ -136,6 +136,10 @@ def test_a_plain_camera_by_intrinsics_is_the_one_by_its_field_of_view() -> None:
         ({"intrinsics": {"cy_px": 239.5}}, "cy_px is not in the image, whose pixels are 0 to 239"),
         ({"intrinsics": {"fy_px": 601}}, "fy_px differs from fx_px by more than a factor of 2"),
         ({"intrinsics": {"fx_px": 12, "fy_px": 12}}, "deg from corner to corner"),
+        (
+            {"intrinsics": {"fx_px": 80, "fy_px": 80}, "lens": {"model": "kannala_brandt"}},
+            "shows more than 150 deg from corner to corner",
+        ),
         ({"calibrated_camera": "cam1"}, "has no effect without `calibration`"),
     ],
 )
