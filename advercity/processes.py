@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import resource
 import signal
 import sys
 from collections.abc import Sequence
@@ -9,6 +10,8 @@ from pathlib import Path
 
 PR_SET_PDEATHSIG = 1
 """From `linux/prctl.h`."""
+CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT)
+"""Signals that end native code whose allocations fail."""
 MISSING_PROGRAM = 127
 """Exit code of a command whose program does not start."""
 
@@ -37,6 +40,21 @@ def bind_to_this_process(command: Sequence[str]) -> list[str]:
     """
     # Isolated, so that neither the working folder nor the user's settings choose what is imported.
     return [sys.executable, "-I", str(Path(__file__).resolve()), str(os.getpid()), *command]
+
+
+def describe_end(exit_code: int) -> str:
+    """Describe how a child process ended, and a limit of memory that native code may have met.
+
+    Args:
+        exit_code: Negative: the number of the signal that killed it.
+    """
+    if exit_code >= 0:
+        return f"exit code {exit_code}"
+    text = f"killed by {signal.Signals(-exit_code).name}"
+    limit_bytes, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if -exit_code in CRASHES and limit_bytes != resource.RLIM_INFINITY:
+        text += f" where `ulimit -v` leaves {limit_bytes / 1e9:.1f} GB of addresses; allow more"
+    return text
 
 
 def _main(parent_pid: str, *command: str) -> None:

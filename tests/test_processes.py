@@ -1,11 +1,13 @@
 """Programs of others that a command runs end with it."""
 
+import resource
 import subprocess
 import sys
 
 import psutil
+import pytest
 
-from advercity.processes import MISSING_PROGRAM, bind_to_this_process
+from advercity.processes import MISSING_PROGRAM, bind_to_this_process, describe_end
 
 START_A_SLEEPER = """
 import subprocess, time
@@ -38,3 +40,33 @@ def test_a_program_that_is_not_there_is_named() -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == MISSING_PROGRAM
     assert done.stderr == "/nowhere/program: No such file or directory\n"
+
+
+@pytest.mark.parametrize(
+    ("limit_bytes", "exit_code", "text"),
+    [
+        (resource.RLIM_INFINITY, 3, "exit code 3"),
+        (2_000_000_000, 3, "exit code 3"),
+        (resource.RLIM_INFINITY, -11, "killed by SIGSEGV"),
+        (2_000_000_000, -9, "killed by SIGKILL"),
+        (
+            2_040_000_000,
+            -11,
+            "killed by SIGSEGV where `ulimit -v` leaves 2.0 GB of addresses; allow more",
+        ),
+        (
+            960_000_000,
+            -6,
+            "killed by SIGABRT where `ulimit -v` leaves 1.0 GB of addresses; allow more",
+        ),
+    ],
+)
+def test_a_crash_under_a_limit_of_memory_names_the_limit(
+    limit_bytes: int, exit_code: int, text: str, monkeypatch: pytest.MonkeyPatch
+):
+    def getrlimit(kind: int) -> tuple[int, int]:
+        assert kind == resource.RLIMIT_AS
+        return limit_bytes, limit_bytes
+
+    monkeypatch.setattr(resource, "getrlimit", getrlimit)
+    assert describe_end(exit_code) == text

@@ -50,6 +50,7 @@ from advercity.pipeline.options import (
 )
 from advercity.pipeline.progress import Progress, RunListener, ScenarioResult, SilentListener
 from advercity.pipeline.run_records import record_run
+from advercity.processes import describe_end
 
 POLL_INTERVAL_S = 0.25
 TERMINATION_TIMEOUT_S, JOINER_TERMINATION_TIMEOUT_S = 10.0, 4.0
@@ -274,9 +275,8 @@ class _Worker:
         ended = self._peek_exit()
         if self.failure is not None or self.last.phase == "done" or ended is None:
             return self.failure
-        cause = f"exit code {ended.si_status}"
-        if ended.si_code != os.CLD_EXITED:
-            cause = f"killed by {signal.Signals(ended.si_status).name}"
+        has_exited = ended.si_code == os.CLD_EXITED
+        cause = describe_end(ended.si_status if has_exited else -ended.si_status)
         self._log.seek(0)
         lines = self._log.read().decode(errors="replace").splitlines()[-LOG_LINES_SHOWN:]
         place = f"{self.last.phase} {self.last.done}"

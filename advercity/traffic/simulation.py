@@ -10,6 +10,7 @@ from advercity_dsl import Spec, TrajectorySet
 
 from advercity.errors import InputError, RunError, StagingError, report_temporary_errors
 from advercity.frames import Trace
+from advercity.processes import describe_end
 from advercity.roads.mirrored_traffic import mirror_trace
 from advercity.roads.plan_frame import to_plan_spec
 from advercity.traffic.recorded_traffic import build_recorded_trace
@@ -76,10 +77,10 @@ def _write_plan_trace(spec: Spec, network: Path, trace_file: Path) -> None:
 
 def _format_failure(completed: subprocess.CompletedProcess[str]) -> str:
     if completed.returncode < 0:
-        return f"killed by signal {-completed.returncode}"
+        return describe_end(completed.returncode)
     output = _get_error(completed)
     last = output.splitlines()[-1] if output.startswith("Traceback") else output
-    return last or f"exit code {completed.returncode}"
+    return last or describe_end(completed.returncode)
 
 
 def _get_error(completed: subprocess.CompletedProcess[str]) -> str:

@@ -39,7 +39,7 @@ from advercity.viewer.cloud_colours import CloudColour
 from advercity.viewer.private_page import LOOPBACK_ADDRESS
 from advercity.viewer.radar_pictures import draw_range_azimuth
 from advercity.viewer.thermal_pictures import draw_thermal
-from advercity.viewer.viewer_process import DEFAULT_PORT
+from advercity.viewer.viewer_process import DEFAULT_PORT, check_port
 
 CONNECT_TIMEOUT_S = 3.0
 APPLICATION_ID = "advercity"
@@ -94,16 +94,7 @@ def open_recording_file(path: Path) -> Generator[Path]:
 
 def start_server_sink(port: int) -> rr.GrpcServerSink:
     """Start a server for viewers on this machine only; RunError if the port is taken."""
-    try:
-        with socket.socket() as probe:
-            # As the server does; else a port of a run that has just ended counts as taken.
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind((LOOPBACK_ADDRESS, port))
-    except OSError as error:
-        raise RunError(
-            f"port {port} is taken, perhaps by a Rerun viewer; close it, or send to it with"
-            f" `connect` {LOOPBACK_ADDRESS}:{port}"
-        ) from error
+    check_port(port, f"close it, or send to it with `connect` {LOOPBACK_ADDRESS}:{port}")
     return rr.GrpcServerSink(LOOPBACK_ADDRESS, port)
 
 

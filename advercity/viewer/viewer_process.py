@@ -1,7 +1,6 @@
 """Rerun's viewer as a process of its own: a window, or a page for browsers of this machine only."""
 
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -9,10 +8,14 @@ import time
 import webbrowser
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
+import rerun_cli
+
 from advercity.errors import RunError
+from advercity.processes import bind_to_this_process
 from advercity.viewer.private_page import LOOPBACK_ADDRESS, forward_page
 
 DEFAULT_PORT = 9876
@@ -83,7 +86,9 @@ def open_page(
     """
     inner_port = web_port if analytics else _find_free_port()
     options = ["--serve-web", "--web-viewer-port", str(inner_port)]
+    check_port(web_port)
     if not source.startswith(STREAM_SCHEMES):
+        check_port(port)
         options += ["--port", str(port)]
     with _run_viewer([*options, source], analytics=analytics) as viewer:
         _wait_for_page(viewer, inner_port)
@@ -92,6 +97,17 @@ def open_page(
         else:
             with forward_page(web_port, inner_port, map_tiles=map_tiles):
                 yield viewer
+
+
+def check_port(port: int, remedy: str = "close it") -> None:
+    """Check that a port of this machine is free; RunError, with a remedy, if it is taken."""
+    try:
+        with socket.socket() as probe:
+            # As Rerun's server does; else a port of a run that has just ended counts as taken.
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((LOOPBACK_ADDRESS, port))
+    except OSError as error:
+        raise RunError(f"port {port} is taken, perhaps by a Rerun viewer; {remedy}") from error
 
 
 def _find_free_port() -> int:
@@ -111,7 +127,9 @@ def _wait_for_page(viewer: Viewer, port: int) -> None:
 
 @contextmanager
 def _run_viewer(arguments: list[str], *, analytics: bool) -> Generator[Viewer]:
-    command = [sys.executable, "-m", "rerun", "--bind", LOOPBACK_ADDRESS, *arguments]
+    # Not by Rerun's module: the program would be its child and outlive a kill of this process.
+    program = str(Path(rerun_cli.__file__).with_name("rerun"))
+    command = bind_to_this_process([program, "--bind", LOOPBACK_ADDRESS, *arguments])
     with _choose_environment(analytics=analytics) as environment:
         viewer = subprocess.Popen(  # noqa: S603 - rerun's own program
             command, env=environment, start_new_session=True
@@ -119,9 +137,7 @@ def _run_viewer(arguments: list[str], *, analytics: bool) -> Generator[Viewer]:
         try:
             yield viewer
         finally:
-            # The module starts the program itself as a child, which has to end, too.
-            with suppress(ProcessLookupError):
-                os.killpg(viewer.pid, signal.SIGTERM)
+            viewer.terminate()
             viewer.wait()
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from advercity.errors import BackendError
 from advercity.physics.atmosphere import Atmosphere
+from advercity.processes import describe_end
 from advercity.rendering.backend import Capabilities, RenderProfile
 from advercity.world import World
 
@@ -83,8 +84,9 @@ def find_vulkan_device() -> VulkanDevice:
     ]
     if not devices:
         output = (child.stderr.strip() or child.stdout.strip()).splitlines()
-        reason = f" ({output[-1]})" if output else ""
-        raise BackendError(f"SAPIEN found no Vulkan device{reason}; {INSTALL_HINT}")
+        ended = [describe_end(child.returncode)] if child.returncode < 0 or not output else []
+        reason = "; ".join([*output[-1:], *ended])
+        raise BackendError(f"SAPIEN found no Vulkan device ({reason}); {INSTALL_HINT}")
     return max(devices, key=lambda device: (device.is_cuda, device.supports_ray_tracing))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from advercity_sapien import SapienBackend
-from advercity_sapien.backend import VulkanDevice
+from advercity_sapien.backend import VulkanDevice, find_vulkan_device
 
 from advercity.errors import BackendError
 from advercity.frames import Frame
@@ -84,6 +84,14 @@ except BackendError as error:
     assert "no Vulkan device" in child.stdout
     assert "make setup" in child.stdout
     assert "Traceback" not in child.stdout + child.stderr
+
+
+def test_a_probe_of_vulkan_that_is_killed_names_the_signal(monkeypatch: pytest.MonkeyPatch) -> None:
+    crash = "import os; os.kill(os.getpid(), 11)"
+    monkeypatch.setattr("advercity_sapien.backend.PROBE_SCRIPT", crash)
+    find_vulkan_device.cache_clear()
+    with pytest.raises(BackendError, match=r"no Vulkan device \(killed by SIGSEGV"):
+        find_vulkan_device()
 
 
 def test_without_ray_tracing_only_raster_profiles_open(monkeypatch: pytest.MonkeyPatch) -> None:
