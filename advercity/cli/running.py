@@ -18,6 +18,7 @@ from advercity.cli.arguments import (
     FramesOption,
     JobsOption,
     JsonOption,
+    LayoutOption,
     MapTilesOption,
     ProfileOption,
     ScaleOption,
@@ -25,7 +26,7 @@ from advercity.cli.arguments import (
     WeatherLibraryOption,
     parse_frame_slice,
 )
-from advercity.cli.output import EndedBySignal, print_data, print_remark
+from advercity.cli.output import EndedBySignal, print_data, print_remark, print_unread
 from advercity.errors import InputError, RunError
 
 if TYPE_CHECKING:
@@ -383,15 +384,18 @@ def view(
     analytics: Annotated[
         bool, typer.Option("--analytics", help="Let Rerun send usage data, if it is set up so.")
     ] = False,
+    layout: LayoutOption = None,
 ) -> None:
     """Open a recording, a scenario or a live view."""
     from advercity.pipeline.replay import open_viewer
     from advercity.viewer.cloud_colours import parse_cloud_colour
 
+    print_unread(Path(shown), layout)
     open_viewer(
         shown,
         web=web,
         cloud_colour=parse_cloud_colour(cloud_colour),
         map_tiles=map_tiles,
         analytics=analytics,
+        layout=layout,
     )

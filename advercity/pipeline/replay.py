@@ -235,6 +235,7 @@ def open_viewer(
     cloud_colour: CloudColour = "intensity",
     map_tiles: bool = False,
     analytics: bool = False,
+    layout: str | None = None,
 ) -> None:
     """Open a recording, a live view or the folder of a scenario in Rerun's viewer.
 
@@ -244,6 +245,7 @@ def open_viewer(
         cloud_colour: What the colours of LiDAR points encode; a recording has its own.
         map_tiles: Show receivers on a map, whose tiles come from the Internet.
         analytics: Let Rerun send usage data, if its own settings do.
+        layout: Layout of a folder of others, as of `open_dataset`.
 
     Raises:
         InputError: There is nothing of the kind.
@@ -264,5 +266,10 @@ def open_viewer(
     else:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "scenario.rrd"
-            write_recording(Path(shown), file, cloud_colour=cloud_colour, map_tiles=map_tiles)
+            if layout is None:
+                write_recording(Path(shown), file, cloud_colour=cloud_colour, map_tiles=map_tiles)
+            else:
+                from advercity.viewer.foreign_recording import write_foreign_recording
+
+                write_foreign_recording(Path(shown), layout, file)
             show(str(file), web=web, map_tiles=map_tiles, analytics=analytics)

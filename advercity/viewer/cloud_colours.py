@@ -43,6 +43,11 @@ def colour_points(cloud: PointCloud, cloud_colour: CloudColour) -> NDArray[np.ui
         return PALETTE[cloud.semantic]
     if cloud_colour == "kind":
         return _KIND_COLOUR_TABLE[cloud.kind]
-    levels = np.rint(np.clip(cloud.intensity, 0, 1) * 255).astype(np.uint8)
+    return colour_intensities(cloud.intensity)
+
+
+def colour_intensities(intensity: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """Compute RGB (n, 3) of intensities (n,) from 0 to 1, from dark blue to red."""
+    levels = np.rint(np.clip(intensity, 0, 1) * 255).astype(np.uint8)
     coloured = cv2.applyColorMap(levels.reshape(-1, 1), cv2.COLORMAP_TURBO)
     return coloured.reshape(-1, 3)[:, ::-1].astype(np.uint8)

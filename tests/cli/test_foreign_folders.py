@@ -29,6 +29,21 @@ def test_stats_say_what_the_files_do_not_hold(
     assert not (tmp_path / "stats" / "weather.csv").exists()
 
 
+def test_a_scenario_is_shown(
+    advercity: Command, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[int] = []
+
+    def show(file: str, **_: bool) -> None:
+        shown.append(Path(file).stat().st_size)
+
+    monkeypatch.setattr("advercity.viewer.viewer_process.show", show)
+    ran = advercity("view", folder / "drive", "--layout", "opv2v")
+    assert ran.code == 0
+    assert "not in these files: road, weather, visibility" in ran.err
+    assert shown and shown[0] > 1000
+
+
 def test_predictions_are_evaluated(advercity: Command, folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "found.jsonl"
     header = {"format": "advercity-predictions", "version": 1, "coordinates": "lidar_left_handed"}
