@@ -146,9 +146,20 @@ def opendrive(
     _suggest(file, "opendrive", name, output, is_printed=suggest)
 
 
+@imports.command()
+def lanelet2(
+    file: Annotated[Path, typer.Argument(help="Lanelet2 map (*.osm).")],
+    suggest: SuggestOption = False,
+    output: DeclarationsOption = None,
+    name: NameOption = None,
+) -> None:
+    """Suggest conflicts at the junctions of a Lanelet2 map."""
+    _suggest(file, "lanelet2", name, output, is_printed=suggest)
+
+
 def _suggest(
     file: Path,
-    source: Literal["osm", "opendrive"],
+    source: Literal["osm", "opendrive", "lanelet2"],
     name: str | None,
     output: Path | None,
     *,

@@ -8,12 +8,11 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import yaml
 from advercity_dsl import Blueprint, Catalogue, Conflict, Density, MapFile, Road, Suite
-from advercity_dsl.road import JunctionAgents
+from advercity_dsl.road import JunctionAgents, MapSource
 
 from advercity.atomic_files import write_atomically
 from advercity.compiler.library import Library, load_library
@@ -25,12 +24,12 @@ from advercity.compiler.suite_conflicts import (
 )
 from advercity.errors import InputError, report_write_errors
 from advercity.roads.junction_arms import JunctionArms, MisplacedAgentError, place_at_every_arm
+from advercity.roads.lanelet2.placing import find_middle
 from advercity.roads.map_files import read_map_file
 from advercity.roads.map_import import import_map
 from advercity.roads.plan_frame import to_plan_frame
 from advercity.roads.routes import RoutePlanner
 
-MapSource = Literal["opendrive", "osm", "sumo"]
 MAX_NAME_LENGTH = 12
 """Of a road that is named after its file: ids of specs also hold junction, conflict and weather."""
 WEATHER, DENSITY, LIBRARY_NAME = "fog_day", "sparse", "adver_city"
@@ -126,10 +125,13 @@ def _name_road(file: Path) -> str:
 
 
 def _locate(file: Path, source: MapSource) -> dict[str, float]:
-    """Find the middle of an OpenStreetMap extract, where the world's origin is to be."""
-    if source != "osm":
+    """Find the middle of an OpenStreetMap extract or Lanelet2 map, where the origin is to be."""
+    if source not in ("osm", "lanelet2"):
         return {}
     root = read_map_file(MapFile(source=source, file=file.name), file.parent).root
+    if source == "lanelet2":
+        middle = find_middle(root.iter("node"))
+        return dict(zip(("origin_lat_deg", "origin_lon_deg"), middle or (), strict=False))
     try:
         nodes = [
             (float(item.attrib["lat"]), float(item.attrib["lon"])) for item in root.iter("node")

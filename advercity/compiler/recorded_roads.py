@@ -32,6 +32,7 @@ from advercity.recordings.openscenario.scenario import read_scenario
 from advercity.recordings.recorded_tables import read_recording
 from advercity.recordings.track_file import MARGIN_S, format_tracks
 from advercity.recordings.tracks import Track, cut_tracks, find_connected
+from advercity.roads.map_files import is_lanelet2_file
 from advercity.roads.network_file import parse_packed_network
 from advercity.roads.recorded_programs import RecordedPrograms, replace_programs
 
@@ -159,7 +160,7 @@ def write_recorded_road(
         if recording.programs:
             replace_programs(folder / site_name, recording.programs, from_s)
         (folder / TABLE_FILE).write_bytes(table)
-        road = _build_road(name, choice, connected, site_name)
+        road = _build_road(name, choice, connected, folder / site_name)
         road["trajectories"] = {
             "file": TABLE_FILE,
             "sha256": hashlib.sha256(table).hexdigest(),
@@ -353,10 +354,10 @@ def _name_agent(number: int) -> str:
 
 
 def _build_road(
-    name: str, choice: ReplayChoice, connected: Sequence[Track], site: str
+    name: str, choice: ReplayChoice, connected: Sequence[Track], site: Path
 ) -> dict[str, Any]:
     latitude, longitude = choice.origin_deg
-    source = MAP_SOURCES[_find_map_suffix(Path(site))]
+    source = "lanelet2" if is_lanelet2_file(site) else MAP_SOURCES[_find_map_suffix(site)]
     return {
         "kind": "road",
         "id": name,
@@ -367,7 +368,7 @@ def _build_road(
         "profile": "level",
         "origin_lat_deg": latitude,
         "origin_lon_deg": longitude,
-        "imported": {"source": source, "file": site},
+        "imported": {"source": source, "file": site.name},
         "agents": {
             _name_agent(number): _build_vehicle(track, is_ego=number == 0)
             for number, track in enumerate(connected)

@@ -1,23 +1,31 @@
 """Files of maps, checked so that other programs can read them safely."""
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from advercity_dsl import MapFile
+from advercity_dsl.road import MapSource
 
 from advercity.errors import InputError, describe_cause
 from advercity.foreign.xml_documents import MAX_XML_BYTES, parse_xml
+from advercity.roads.osm_map import read_tags
 
-ROOT_TAGS = {"opendrive": "OpenDRIVE", "osm": "osm", "sumo": "net"}
+ROOT_TAGS: Mapping[MapSource, str] = {
+    "opendrive": "OpenDRIVE",
+    "osm": "osm",
+    "lanelet2": "osm",
+    "sumo": "net",
+}
 
 
 @dataclass(frozen=True)
 class LoadedMap:
     """A map's document, and the SHA-256 of its file.
 
-    The document of an OpenDRIVE or OpenStreetMap file has no references to other files.
+    The document of an OpenStreetMap file has no references to other files.
     """
 
     root: Element
@@ -47,30 +55,40 @@ def read_map_file(declared: MapFile, folder: Path) -> LoadedMap:
             f"{declared.file}: is not the map that this road was made for: its sha256 is {digest};"
             " fetch the right one, or check every place and declare this sha256"
         )
-    if root.tag != ROOT_TAGS[declared.source]:
-        fitting = next((source for source, tag in ROOT_TAGS.items() if tag == root.tag), None)
-        hint = f"; say `source: {fitting}`" if fitting else ""
-        raise InputError(
-            f"{declared.file}: begins with <{root.tag[:40]}>, not"
-            f" <{ROOT_TAGS[declared.source]}>{hint}"
-        )
-    if declared.source == "osm" and _is_lanelet2(root):
-        raise InputError(
-            f"{declared.file}: is a Lanelet2 map, whose lanes are relations in OpenStreetMap's XML;"
-            " give an OpenDRIVE map of the place, or an extract of OpenStreetMap"
-        )
+    source = find_source(root)
+    if source != declared.source:
+        hint = f"; say `source: {source}`" if source else ""
+        raise InputError(f"{declared.file}: {_describe_mismatch(root, declared)}{hint}")
     if declared.source == "osm":
         # Our own readers of the other formats open nothing that a map names.
         _remove_file_references(root)
     return LoadedMap(root, digest)
 
 
-def _is_lanelet2(root: Element) -> bool:
-    return any(
-        tag.get("k") == "type" and tag.get("v") == "lanelet"
-        for relation in root.iter("relation")
-        for tag in relation.iter("tag")
-    )
+def is_lanelet2_file(path: Path) -> bool:
+    """Whether a file is a Lanelet2 map; one that cannot be read is none."""
+    try:
+        with path.open("rb") as stream:
+            return find_source(parse_xml(stream.read(MAX_XML_BYTES + 1))) == "lanelet2"
+    except (OSError, InputError):
+        return False
+
+
+def find_source(root: Element) -> MapSource | None:
+    """Find the format of a document; None if it is no map."""
+    # Lanelets are relations in OpenStreetMap's XML.
+    if root.tag == "osm" and any(
+        read_tags(relation).get("type") == "lanelet" for relation in root.iter("relation")
+    ):
+        return "lanelet2"
+    return next((source for source, tag in ROOT_TAGS.items() if tag == root.tag), None)
+
+
+def _describe_mismatch(root: Element, declared: MapFile) -> str:
+    expected = ROOT_TAGS[declared.source]
+    if root.tag == expected:
+        return "has no lanelets" if declared.source == "lanelet2" else "is a Lanelet2 map"
+    return f"begins with <{root.tag[:40]}>, not <{expected}>"
 
 
 def _remove_file_references(root: Element) -> None:

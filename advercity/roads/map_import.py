@@ -1,4 +1,4 @@
-"""Import of OpenDRIVE, OpenStreetMap and SUMO files as the SUMO network of a road."""
+"""Import of OpenDRIVE, OpenStreetMap, Lanelet2 and SUMO files as the SUMO network of a road."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -10,6 +10,7 @@ from advercity_dsl.road.extent import MAX_SITE_M
 
 from advercity.errors import InputError
 from advercity.foreign.ledger import Ledger
+from advercity.roads.lanelet2.plan import plan_lanelet2
 from advercity.roads.map_conversion import convert
 from advercity.roads.map_files import read_map_file
 from advercity.roads.map_names import read_street_names, rename_network
@@ -23,6 +24,7 @@ from advercity.roads.sumo_xml import pack_network, sanitize_network
 MAX_LANE_WIDTH_M = 60.0
 """As of a declared strip."""
 PLANNERS: Mapping[str, Callable[[Element, Road, MapFile, Ledger], MapPlan]] = {
+    "lanelet2": plan_lanelet2,
     "opendrive": plan_opendrive,
     "osm": plan_extract,
     "sumo": plan_network,

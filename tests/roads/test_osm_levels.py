@@ -158,11 +158,11 @@ def test_streets_of_one_layer_that_cross_without_a_junction_are_listed(tmp_path:
     assert part.name == "crossing of streets of one layer without a junction"
 
 
-def test_a_lanelet2_map_is_refused_by_its_name(tmp_path: Path) -> None:
+def test_a_lanelet2_map_is_no_extract(tmp_path: Path) -> None:
     text = "<osm><node id='1' lat='0' lon='0'/><relation id='2'>{}</relation></osm>"
     tag = "<tag k='type' v='lanelet'/>"
     (tmp_path / "town.osm").write_text(text.format(tag), encoding="utf-8")
     road = Road.model_validate(declaration("osm", "town.osm"))
 
-    with pytest.raises(InputError, match=r"town\.osm: is a Lanelet2 map, .* give .* OpenDRIVE"):
+    with pytest.raises(InputError, match=r"town\.osm: is a Lanelet2 map; say `source: lanelet2`"):
         import_map(MapFile(source="osm", file="town.osm"), road, tmp_path)

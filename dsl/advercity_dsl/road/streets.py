@@ -137,16 +137,18 @@ class Street(CompactModel):
 
 
 DrivingSide = Literal["right", "left"]
+MapSource = Literal["opendrive", "osm", "lanelet2", "sumo"]
 
 
 class MapFile(Model):
     """An external map, from which the compiler builds the road's network.
 
-    OpenDRIVE and SUMO maps keep their coordinates; the origin of an OpenStreetMap map is at the
-    road's `origin_lat_deg` and `origin_lon_deg`.
+    OpenDRIVE and SUMO maps, and Lanelet2 maps with local coordinates, keep them; the origin of
+    other Lanelet2 maps and of OpenStreetMap maps is at the road's `origin_lat_deg` and
+    `origin_lon_deg`.
     """
 
-    source: Literal["opendrive", "osm", "sumo"]
+    source: MapSource
     """Format of the map."""
     file: Annotated[str, StringConstraints(min_length=1, max_length=1000)]
     """Path of the map, relative to the declaration's file."""
@@ -155,13 +157,15 @@ class MapFile(Model):
     extent_m: tuple[Point2, Point2] | None = None
     """Two opposite corners of a rectangle; roads entirely outside are omitted."""
     driving_side: DrivingSide | None = Field(default=None, exclude_if=is_none)
-    """Side of the road on which traffic drives in an OpenStreetMap map; by default as its ways say,
-    or else as is usual in the country."""
+    """Side of the road on which traffic drives in an OpenStreetMap or Lanelet2 map; by default as
+    its ways or opposite lanelets say, or else as is usual in the country."""
 
     @model_validator(mode="after")
     def _check_driving_side(self) -> Self:
-        if self.driving_side is not None and self.source != "osm":
-            raise ValueError("`driving_side` is for OpenStreetMap maps; others say it themselves")
+        if self.driving_side is not None and self.source not in ("osm", "lanelet2"):
+            raise ValueError(
+                "`driving_side` is for OpenStreetMap and Lanelet2 maps; others say it themselves"
+            )
         return self
 
 
@@ -194,7 +198,7 @@ class MapPlace(Model):
 class MapNetwork(Model):
     """The network that the compiler builds from a map; a spec needs no other file."""
 
-    source: Literal["opendrive", "osm", "sumo"]
+    source: MapSource
     """Format of the map."""
     sha256: Digest
     """SHA-256 of the map's file."""

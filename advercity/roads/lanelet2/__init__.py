@@ -1,0 +1,1 @@
+"""Import of Lanelet2 maps."""

@@ -1,0 +1,221 @@
+"""The SUMO network of a Lanelet2 map, as plain XML that netconvert compiles."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from advercity.geometry.polyline import Points
+from advercity.roads.lanelet2.lanelets import Lanelet
+from advercity.roads.lanelet2.overlaps import find_overlaps
+from advercity.roads.lanelet2.pieces import (
+    LaneGraph,
+    LanePath,
+    PathFinder,
+    Piece,
+    PieceKey,
+    cut_sections,
+    mark_inside,
+)
+from advercity.roads.lanelet2.rules import Approach, RightOfWay, find_node_type
+from advercity.roads.lanelet2.sections import CrossSection, join_sections
+from advercity.roads.lanelet2.streets import StreetMap, build_streets
+from advercity.roads.plain_edges import (
+    LaneKey,
+    PlainLane,
+    add_edge,
+    add_node,
+    build_connections,
+    list_lane_lines,
+)
+from advercity.roads.plain_network import PlainNetwork
+
+APPROACH_M = 25.0
+"""Distance before a junction within which rules of lanelets are its own."""
+MIN_STEP_M = 1.0
+"""Length that a lanelet counts as at least, so that tiny ones have an end."""
+OUTLINE_KINDS = {"driving": "roadway", "shoulder": "roadway", "sidewalk": "sidewalk"}
+"""Kinds of outlines by paving of a lane."""
+
+
+@dataclass(frozen=True, eq=False)
+class LaneletTopology:
+    """Cross-sections of a map, their pieces, the ways between them, and the streets they make."""
+
+    graph: LaneGraph
+    pieces: Sequence[tuple[Piece, ...]]
+    paths: Sequence[LanePath]
+    map: StreetMap
+
+    @staticmethod
+    def of_lanelets(lanelets: Sequence[Lanelet]) -> "LaneletTopology":
+        """Find the streets and junctions of lanelets."""
+        sections = join_sections(lanelets)
+        graph = LaneGraph(sections)
+        overlaps = tuple(find_overlaps(sections))
+        pieces = cut_sections(graph, overlaps)
+        while True:
+            paths = tuple(PathFinder(graph, pieces).list_paths())
+            found = build_streets(graph, pieces, paths, overlaps)
+            inner = found.find_inner_pieces()
+            if not inner:
+                return LaneletTopology(graph, pieces, paths, found)
+            pieces = mark_inside(pieces, inner)
+
+    def list_lanelets_before(self, name: str, reach_m: float) -> Iterator[Lanelet]:
+        """List the lanelets within a distance from the end of a street, also of those before it."""
+        for section, begins, ends in reversed(self.map.streets[name].parts):
+            if reach_m <= 0:
+                return
+            yield from section.lanelets
+            reach_m -= max(section.length_m * (ends - begins), MIN_STEP_M)
+        if reach_m > 0:
+            for path in self.paths:
+                before = self.map.lanes_at[path.origin[0]][1]
+                if not path.inside and self.map.lanes_at[path.target[0]][0] == name != before:
+                    yield from self.list_lanelets_before(before, reach_m)
+
+    def list_ways(self, name: str) -> Iterator[list[Lanelet]]:
+        """List the lanelets of every way through the junction at the end of a street."""
+        for path in self.paths:
+            if path.inside and self.map.lanes_at[path.origin[0]][1] == name:
+                keys = [(self.graph.sections[key.section], lane) for key, lane in path.inside]
+                yield [section.lanelets[lane] for section, lane in keys]
+
+
+def build_plain_network(
+    lanelets: Sequence[Lanelet], rules: RightOfWay, crosswalks: Sequence[Points]
+) -> PlainNetwork:
+    """Build the network of lanelets."""
+    topology = LaneletTopology.of_lanelets(lanelets)
+    lanes = {name: street.lanes for name, street in topology.map.streets.items()}
+    nodes = _Nodes(topology, lanes, rules)
+    return PlainNetwork(
+        nodes=nodes.build(),
+        edges=_build_edges(topology, lanes, nodes),
+        connections=build_connections(
+            _list_connections(topology), topology.map.streets, nodes.list_uncrossed()
+        ),
+        names={
+            name: _name_street(item.first_lanelets) for name, item in topology.map.streets.items()
+        },
+        lanes={
+            key: lines for name, own in lanes.items() for key, lines in list_lane_lines(name, own)
+        },
+        outlines=list(_list_outlines(topology, lanelets)),
+        crosswalks=[(float(x), float(y)) for x, y, _ in crosswalks],
+    )
+
+
+class _Nodes:
+    """Names and writes the nodes that streets begin and end at."""
+
+    def __init__(
+        self,
+        topology: LaneletTopology,
+        lanes: Mapping[str, Sequence[PlainLane]],
+        rules: RightOfWay,
+    ) -> None:
+        self._groups = topology.map.groups
+        self._corners: dict[object, list[Points]] = {}
+        self._approaches: dict[object, dict[str, Approach]] = defaultdict(dict)
+        self.approaches: dict[str, Approach] = {}
+        self._crossed = {
+            self._groups.find(("end", it.origin[0])) for it in topology.paths if it.inside
+        }
+        for name, street in topology.map.streets.items():
+            for end, index in ((street.begins, 0), (street.ends, -1)):
+                corners = self._corners.setdefault(self._groups.find(end), [])
+                corners += [line[index] for it in lanes[name] for line in (it.left, it.right)]
+            ways = [*topology.list_ways(name)]
+            approach = rules.find(topology.list_lanelets_before(name, APPROACH_M), ways)
+            self.approaches[name] = approach
+            self._approaches[self._groups.find(street.ends)][name] = approach
+        self._names = {
+            group: f"{number}.{int(group in self._crossed)}"
+            for number, group in enumerate(self._corners)
+        }
+
+    def get_name(self, end: object) -> str:
+        """Return the name of the node at an end of a street."""
+        return self._names[self._groups.find(end)]
+
+    def list_uncrossed(self) -> Iterator[str]:
+        """List the nodes where pedestrians cross nothing."""
+        return (name for group, name in self._names.items() if group not in self._crossed)
+
+    def build(self) -> Element:
+        """Build the document of nodes."""
+        root = Element("nodes")
+        for group, corners in self._corners.items():
+            is_crossed = group in self._crossed
+            kind = find_node_type(self._approaches[group]) if is_crossed else "priority"
+            item = add_node(root, self._names[group], kind, corners, is_crossed=is_crossed)
+            if len({it.priority for it in self._approaches[group].values()}) > 1:
+                item.set("rightOfWay", "edgePriority")
+        return root
+
+
+def _build_edges(
+    topology: LaneletTopology, lanes: Mapping[str, Sequence[PlainLane]], nodes: _Nodes
+) -> Element:
+    root = Element("edges")
+    for name, street in topology.map.streets.items():
+        ends = nodes.get_name(street.begins), nodes.get_name(street.ends)
+        add_edge(root, name, ends, lanes[name], nodes.approaches[name].priority)
+    return root
+
+
+def _list_connections(
+    topology: LaneletTopology,
+) -> Iterator[tuple[LaneKey, LaneKey, Points | None]]:
+    for path in topology.paths:
+        (origin, out_of), (target, into) = path.origin, path.target
+        sections = (topology.graph.sections[key.section] for key in (origin, target))
+        first, second = sections
+        if not (first.lanelets[out_of].is_driven and second.lanelets[into].is_driven):
+            continue
+        yield (
+            (topology.map.lanes_at[origin][1], len(first.lanelets) - 1 - out_of),
+            (topology.map.lanes_at[target][0], len(second.lanelets) - 1 - into),
+            _build_middle(topology, path),
+        )
+    for one, other in topology.map.links:
+        for index in range(len(topology.map.streets[one].first_lanelets)):
+            yield (one, index), (other, index), None
+
+
+def _build_middle(topology: LaneletTopology, path: LanePath) -> Points | None:
+    """Build the middle (n, 3) of a way through a junction; None where streets touch."""
+    lines = [_cut_inside(topology, key, lane).centre for key, lane in path.inside]
+    return np.concatenate(lines) if lines else None
+
+
+def _cut_inside(topology: LaneletTopology, key: PieceKey, lane: int) -> PlainLane:
+    piece = topology.pieces[key.section][key.piece]
+    section = CrossSection((topology.graph.sections[key.section].lanelets[lane],))
+    return section.cut(piece.begins, piece.ends)[0]
+
+
+def _list_outlines(
+    topology: LaneletTopology, lanelets: Sequence[Lanelet]
+) -> Iterator[tuple[str, Points]]:
+    """List the paving of junctions, and of lanelets that no street has."""
+    for section, parts in zip(topology.graph.sections, topology.pieces, strict=True):
+        for part in parts:
+            if part.is_inside:
+                yield from map(_outline, section.cut(part.begins, part.ends))
+    used = {item.id for section in topology.graph.sections for item in section.lanelets}
+    for item in lanelets:
+        if item.id not in used:
+            yield _outline(CrossSection((item,)).cut(0.0, 1.0)[0])
+
+
+def _outline(lane: PlainLane) -> tuple[str, Points]:
+    return OUTLINE_KINDS[lane.use.paving], np.vstack([lane.left, lane.right[::-1]])
+
+
+def _name_street(lanelets: Sequence[Lanelet]) -> str:
+    return lanelets[-1].name or f"lanelet {lanelets[-1].id}"
