@@ -3,10 +3,9 @@
     python benchmarks/towns.py MAPS... [--conflicts NAME...] [--seeds N...] [--attempts N]
         [--cells N]
 
-The junctions with most conflicts are tried in turn, each with the named conflicts, as
-`advercity compile --settle` does it, until one happens as declared with the first seed. The other
-seeds are then tried with it. Without `--conflicts`, those between motor vehicles are tried, in the
-order of their names.
+Each named conflict is tried at the junctions that have room for it, as `advercity compile --settle`
+does it, until one happens as declared with the first seed. The other seeds are then tried with it.
+Without `--conflicts`, those between motor vehicles are tried, the guide's first.
 """
 
 import argparse
@@ -34,6 +33,8 @@ from advercity.errors import AdvercityError
 from advercity.pipeline.traffic_report import find_traffic_problems
 
 SOURCES: dict[str, MapSource] = {".osm": "osm", ".xodr": "opendrive"}
+GUIDE_RECIPE = "ltap_od_ego_turns"
+"""Conflict of the guide `import_your_town`."""
 UNPROTECTED = {"pedestrian", "bicycle"}
 HEADER = "| map | junctions | of four arms | staged | at | seeds | simulations | minutes |"
 
@@ -120,19 +121,18 @@ class TownTrial:
 
 
 def iterate_cells(
-    junctions: Iterable[JunctionSuggestion], wanted: Sequence[str]
+    junctions: Sequence[JunctionSuggestion], wanted: Sequence[str]
 ) -> Iterator[tuple[JunctionSuggestion, str]]:
-    """Yield junctions with wanted conflicts that they have room for, in the order of the wanted."""
-    for junction in junctions:
-        yield from ((junction, name) for name in wanted if name in junction.conflicts)
+    """Yield junctions with the first wanted conflict that has room there, then with the others."""
+    for name in wanted:
+        yield from ((junction, name) for junction in junctions if name in junction.conflicts)
 
 
 def list_conflicts_of_vehicles() -> list[str]:
-    """List the shipped conflicts between motor vehicles."""
+    """List the shipped conflicts between motor vehicles, that of the guide first."""
     declared = load_library(find_shipped_library()).get_declarations(Conflict)
-    return sorted(
-        name for name, item in declared.items() if not UNPROTECTED & {*item.actor.classes}
-    )
+    names = [name for name, item in declared.items() if not UNPROTECTED & {*item.actor.classes}]
+    return sorted(names, key=lambda name: name != GUIDE_RECIPE)
 
 
 def _shorten(text: str) -> str:

@@ -197,9 +197,9 @@ def compile_suite(
         _logger.warning("%s", line)
     scenarios = _build_scenarios(library, suite, resolved, groups, require_sun=require_sun)
     by_traffic = {inputs.traffic_key: inputs for inputs in scenarios}
+    by_demand = {(item.road.id, item.density.id, item.step): item for item in scenarios}
     _run_checks(
-        partial(check_demand, library, inputs.road, inputs.density)
-        for inputs in by_traffic.values()
+        partial(check_demand, library, inputs.road, inputs.density) for inputs in by_demand.values()
     )
 
     def build(inputs: ScenarioInputs, traffic: SolvedTraffic) -> Spec:

@@ -5,9 +5,11 @@ saying so: round rings, sidewalks.
 """
 
 from functools import partial
+from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
+import sumo
 from advercity_dsl import MapFile, Road
 
 from advercity.errors import InputError
@@ -18,6 +20,7 @@ from advercity.roads.imported_crossings import discard_unmarked, get_guess_optio
 from advercity.roads.map_conversion import CAR_OPTIONS, WALKED_CLASSES, Conversion, convert
 from advercity.roads.map_names import get_map_id
 from advercity.roads.map_plan import MapPlan, Side, build_extent_options
+from advercity.roads.osm_bus_lanes import select_bus_lanes
 from advercity.roads.osm_levels import set_heights
 from advercity.roads.osm_map import REMOVED_TYPE, OsmMap, add_sidewalks, mark_paths, read_tags
 from advercity.roads.osm_mirror import mirror_tags
@@ -38,12 +41,17 @@ OSM_OPTIONS = {
     "remove-edges.by-type": REMOVED_TYPE,
     "osm.sidewalks": "true",
     "osm.elevation": "true",
+    "osm.lane-access": "true",
     "geometry.remove": "true",
     "junctions.join": "true",
     "tls.discard-simple": "true",
     "tls.join": "true",
     "tls.guess-signals": "true",
 }
+TYPES = Path(sumo.SUMO_HOME) / "data" / "typemap"
+URBAN_TYPES = ",".join(str(TYPES / f"osmNetconvert{name}.typ.xml") for name in ("", "UrbanDe"))
+"""Of streets of towns: 50 km/h, motorways 100, where the map has no limit; SUMO's own else has 100
+km/h for `secondary`."""
 
 
 def plan_extract(root: Element, road: Road, declared: MapFile, ledger: Ledger) -> MapPlan:
@@ -68,14 +76,17 @@ def plan_extract(root: Element, road: Road, declared: MapFile, ledger: Ledger) -
     plan = osm.build_plan()
     streets = _find_streets(plan)
     audit_extract(root, streets, ledger)
+    select_bus_lanes(plan, streets, ledger)
     mark_paths(plan, streets)
     set_heights(plan, streets, ledger)
+    options = dict(OSM_OPTIONS)
     if road.land_use == "urban":
+        options["type-files"] = URBAN_TYPES
         add_sidewalks(osm)
     audit_widths(root, streets, ledger)
     crossings = osm.list_points("highway", "crossing")
     extent = build_extent_options(declared, side=side)
-    options = OSM_OPTIONS | get_guess_options(road, crossings) | extent
+    options |= get_guess_options(road, crossings) | extent
     return MapPlan(
         Conversion({"map.xml": plan}, options),
         side,

@@ -47,7 +47,10 @@ def test_the_table_has_every_key_of_roads() -> None:
     [
         ({"maxspeed": "50", "surface": "asphalt", "oneway": "yes", "name": "A"}, ""),
         ({"maxspeed": "50", "surface": "sett"}, "1 surface (asphalt is made) (line 1)"),
-        ({"maxspeed": "50", "bus:lanes": "|designated"}, "1 bus lane (open to cars) (line 1)"),
+        (
+            {"maxspeed": "50", "bus:lanes:both_ways": "designated"},
+            "1 bus lane (open to cars) (line 1)",
+        ),
         ({"maxspeed": "50", "cycleway:left": "track"}, "1 cycle lane (line 1)"),
         ({"maxspeed": "50", "cycleway:left": "no"}, ""),
         ({"maxspeed": "fast"}, "1 speed limit fast (line 1)"),
@@ -65,6 +68,41 @@ def test_what_is_not_taken_over_is_listed(tags: dict[str, str], listed: str) -> 
 @given(st.from_regex(r"[a-z]{12,20}", fullmatch=True))
 def test_any_unknown_key_of_a_street_is_listed(key: str) -> None:
     assert f"1 unknown tag {key}" in audit({"maxspeed": "50", key: "some"})
+
+
+LIMITS_KM_H = {
+    "motorway": (100, 142),
+    "primary": (50, 100),
+    "secondary": (50, 100),
+    "secondary_link": (50, 80),
+    "tertiary": (50, 80),
+    "residential": (50, 50),
+    "living_street": (10, 10),
+}
+"""Of streets without a limit, in towns and elsewhere."""
+
+
+@pytest.mark.parametrize(("land_use", "column"), [("urban", 0), ("rural", 1)])
+def test_a_street_without_a_limit_has_that_of_its_class(
+    land_use: str, column: int, tmp_path: Path
+) -> None:
+    nodes = ways = ""
+    for number, highway in enumerate(LIMITS_KM_H):
+        ends = [f'id="{10 * number + end}" lat="{number * 1e-3}" lon="{end}e-3"' for end in (1, 2)]
+        refs = "".join(f'<nd ref="{10 * number + end}"/>' for end in (1, 2))
+        tags = f'<tag k="highway" v="{highway}"/><tag k="name" v="{highway}"/>'
+        nodes += "".join(f"<node {end}/>" for end in ends)
+        ways += f'<way id="{number + 1}">{refs}{tags}</way>'
+    (tmp_path / "town.osm").write_text(f"<osm>{nodes}{ways}</osm>", encoding="utf-8")
+    declared = declaration("osm", "town.osm", origin_lat_deg=0, origin_lon_deg=0)
+    road = Road.model_validate(declared | {"land_use": land_use})
+
+    network = import_map(MapFile(source="osm", file="town.osm"), road, tmp_path)
+
+    lanes = parse_packed_network(network.network).lanes
+    found = {lane.edge[:-1]: lane.speed_limit_m_s * 3.6 for lane in lanes if lane.is_driving_lane}
+    expected = {highway: limits[column] for highway, limits in LIMITS_KM_H.items()}
+    assert found == pytest.approx(expected, abs=0.1)
 
 
 def import_speeds(folder: Path, *limits: str) -> tuple[list[float], MapNetwork]:
