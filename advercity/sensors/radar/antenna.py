@@ -1,8 +1,6 @@
-"""Rays, gain and link budget of a radar, from its declaration."""
+"""Gain and link budget of a radar, from its declaration."""
 
 import math
-from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from advercity_dsl import Radar
@@ -19,37 +17,6 @@ BOLTZMANN_J_K, TEMPERATURE_K = 1.380649e-23, 290.0
 _GAIN_BEAM_DEG2 = 30_000.0
 """Gain times the product of both beam widths, of practical antennas (Balanis, Antenna Theory, 2005,
 section 2.9)."""
-
-
-@dataclass(frozen=True, eq=False)
-class RayFan:
-    """Rays through the field of view, in rows from the lowest up, each from right to left.
-
-    Attributes:
-        directions: (n, 3) float32, unit, in the radar's frame; read-only.
-        solid_angle_sr: (n,) float32 of each.
-    """
-
-    directions: FloatArray
-    solid_angle_sr: FloatArray
-
-
-def build_ray_fan(radar: Radar) -> RayFan:
-    """Build the rays of a radar, evenly spread over azimuth and elevation."""
-    return _build_ray_fan(radar.azimuth_fov_deg, radar.elevation_fov_deg, radar.rays)
-
-
-@lru_cache(maxsize=8)
-def _build_ray_fan(azimuth_fov_deg: float, elevation_fov_deg: float, rays: int) -> RayFan:
-    columns = max(1, round(math.sqrt(rays * azimuth_fov_deg / elevation_fov_deg)))
-    rows = max(1, round(rays / columns))
-    wide, high = math.radians(azimuth_fov_deg) / columns, math.radians(elevation_fov_deg) / rows
-    azimuth = ((np.arange(columns) + 0.5) - columns / 2.0) * wide
-    elevation = (((np.arange(rows) + 0.5) - rows / 2.0) * high)[:, None]
-    directions = build_directions(azimuth, elevation).reshape(-1, 3).astype(np.float32)
-    directions.flags.writeable = False
-    solid_angle = np.repeat(np.cos(elevation) * wide * high, columns).astype(np.float32)
-    return RayFan(directions, solid_angle)
 
 
 def compute_gain(radar: Radar, directions: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from advercity_dsl import Radar
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
+from advercity.sensors.measurements import PointKind
 from advercity.sensors.radar.antenna import build_directions, compute_angles, compute_range_cell_m
 from advercity.sensors.radar.paths import Paths
 from advercity.sensors.radar.surfaces import WAVENUMBER_PER_M
@@ -21,6 +22,9 @@ MARGIN_CELLS = 32
 """Cells beyond both ends of each axis, which windows may cover."""
 NEIGHBOUR_LEAKAGE = 0.25
 """Power of a target in the cell next to its own: -6 dB, of a Hann window."""
+GHOSTS_PER_TARGET = 4.0
+"""Power by mirrors for that of the straight path up to which both are one target: a mirror without
+loss below a target, as the road nearly is, brings three times the straight power."""
 
 _TABLE_SIZE = 1 << 16
 _HASH_FACTOR = np.uint64(0x9E3779B97F4A7C15)
@@ -119,7 +123,7 @@ class Cells:
         range_m: (n,) mean of the paths, by their power; so are the next two.
         rate_m_s: (n,) not folded.
         direction: (n, 3) unit.
-        instance: (n,) int32 of the strongest path; so is the next.
+        instance: (n,) int32 of the target with the most power; so is the next.
         kind: (n,) uint8.
     """
 
@@ -185,7 +189,7 @@ def collect_cells(grid: CellGrid, paths: Paths, snr_factor: FloatArray) -> Cells
         return np.bincount(cell, weight * values, len(keys)) / total
 
     direction = np.stack([average(axis) for axis in paths.direction.T], axis=1)
-    strongest = _find_strongest(cell, weight, len(keys))
+    strongest = _find_strongest(cell, weight, paths, len(keys))
     return Cells(
         keys=keys,
         power=_interfere(paths, cell, scattered, len(keys)),
@@ -225,8 +229,20 @@ def _sum_complex(
     return real + 1j * imaginary
 
 
-def _find_strongest(cell: IndexArray, weight: FloatArray, count: int) -> IndexArray:
-    """Find the row (count,) of the strongest path of every cell."""
-    order = np.lexsort((weight, cell))
-    last = np.cumsum(np.bincount(cell, minlength=count)) - 1
-    return order[last]
+def _find_strongest(cell: IndexArray, weight: FloatArray, paths: Paths, count: int) -> IndexArray:
+    """Find a row (count,) of the target with the most power in every cell."""
+    weight = np.where(paths.kind == PointKind.GHOST, weight / GHOSTS_PER_TARGET, weight)
+    order = np.lexsort((paths.kind, paths.instance, cell))
+    columns = np.stack([cell, paths.instance, paths.kind])[:, order]
+    is_first = np.ones(len(order), np.bool_)
+    is_first[1:] = (columns[:, 1:] != columns[:, :-1]).any(axis=0)
+    first = np.flatnonzero(is_first)
+    total = np.add.reduceat(weight[order], first)
+    best = _find_largest(cell[order[first]], total, count)
+    return order[first[best]]
+
+
+def _find_largest(cell: IndexArray, value: FloatArray, count: int) -> IndexArray:
+    """Find the row (count,) of the largest value of every cell."""
+    order = np.lexsort((value, cell))
+    return order[np.cumsum(np.bincount(cell, minlength=count)) - 1]

@@ -18,13 +18,13 @@ from advercity.physics.microwaves import WAVELENGTH_M
 from advercity.rendering.raycaster import Raycaster, RayHits, Rays
 from advercity.sensors.measurements import PointKind
 from advercity.sensors.radar.antenna import (
-    build_ray_fan,
     compute_echo_factor,
     compute_range_cell_m,
     compute_two_way_gain,
 )
 from advercity.sensors.radar.motion import SceneMotion
 from advercity.sensors.radar.placement import PlacedRadar
+from advercity.sensors.radar.rays import aim_rays
 from advercity.sensors.radar.surfaces import WAVENUMBER_PER_M, HitSurfaces
 
 MIN_MIRRORED = 1e-3
@@ -86,10 +86,12 @@ class SurfacePaths:
 
     Attributes:
         paths: The paths, independent of the air.
+        directions: (rays, 3) float32 unit vectors of the rays, radar frame.
         free_m: (rays,) float32 range of the first surface; inf if there is none.
     """
 
     paths: Paths
+    directions: FloatArray
     free_m: FloatArray
 
 
@@ -98,7 +100,7 @@ class _Tubes:
     """Rays that travel on, k of them.
 
     Attributes:
-        ray: (k,) rows of the fan.
+        ray: (k,) rows of the rays.
         origins: (k, 3) in the world.
         directions: (k, 3) in the world.
         length_m: (k,) travelled so far.
@@ -154,7 +156,7 @@ class PathTracer:
         self._radar, self._raycaster, self._motion = radar, raycaster, motion
         self._rotation, self._origin = pose[:3, :3], pose[:3, 3]
         self._velocity, self._wetness = placed.velocity, wetness
-        self._fan = build_ray_fan(radar)
+        self._fan = aim_rays(placed, raycaster, motion.frame.states)
         self._least_strength = MIN_SNR / compute_echo_factor(radar)
 
     def trace(self) -> SurfacePaths:
@@ -167,7 +169,7 @@ class PathTracer:
                 free_m[arrival.tubes.ray] = arrival.hits.range_m
             found += self._collect(arrival, is_direct=not bounce)
             tubes = _mirror(arrival)
-        return SurfacePaths(Paths.join(found), free_m)
+        return SurfacePaths(Paths.join(found), self._fan.directions, free_m)
 
     def _shoot(self) -> _Tubes:
         directions = self._fan.directions @ self._rotation.T

@@ -6,7 +6,6 @@ import numpy as np
 
 from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
 from advercity.rendering.raycaster import Raycaster
-from advercity.sensors.radar.antenna import build_ray_fan
 from advercity.sensors.radar.cells import CellGrid
 from advercity.sensors.radar.clutter import list_spray_paths
 from advercity.sensors.radar.conditions import RadarConditions
@@ -37,7 +36,7 @@ def scan_radar(
     """
     grid = CellGrid.from_radar(placed.radar)
     found = trace_paths(placed, raycaster, motion, wetness=conditions.wetness)
-    free_m = compute_free_ranges(grid, found.free_m)
+    free_m = compute_free_ranges(grid, found.directions, found.free_m)
     parts = [found.paths]
     if conditions.has_spray:
         plumes = list_spray_paths(placed, motion.frame.states)
@@ -47,10 +46,19 @@ def scan_radar(
     return receiver.measure(Paths.join(parts), free_m)
 
 
-def compute_free_ranges(grid: CellGrid, free_m: FloatArray) -> Float64Array:
-    """Compute how far the beams (azimuths, elevations) are free, from that of rays (n,)."""
+def compute_free_ranges(grid: CellGrid, directions: FloatArray, free_m: FloatArray) -> Float64Array:
+    """Compute how far beams are free.
+
+    Args:
+        grid: Its cells.
+        directions: (n, 3) of rays, radar frame.
+        free_m: (n,) how far they are free.
+
+    Returns:
+        (azimuths, elevations) ranges of the farthest free ray.
+    """
     _, azimuths, elevations, _ = grid.counts
-    beam = _find_beams(grid, build_ray_fan(grid.radar).directions)
+    beam = _find_beams(grid, directions)
     farthest = np.zeros(azimuths * elevations)
     np.maximum.at(farthest, beam, free_m)
     return farthest.reshape(azimuths, elevations)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from advercity_dsl import ActorClass
 
@@ -17,8 +18,10 @@ from advercity.testing import load_example_spec, make_actor_state, make_frame
 from advercity.world import Body, World
 from tests.sensors.radar.builders import (
     NARROW,
+    WIDE,
     place,
     plate,
+    rows_of,
     scan,
     sphere,
     strongest_dbsm,
@@ -125,3 +128,21 @@ def test_road_users_have_cross_sections_as_measured(
     name: str, actor_class: ActorClass, least_dbsm: float, most_dbsm: float
 ) -> None:
     assert least_dbsm <= mean_dbsm(name, actor_class) <= most_dbsm
+
+
+@pytest.mark.parametrize("range_m", [30, 60, 100, 145])
+def test_a_small_corner_is_found_wherever_it_stands_in_range(range_m: int) -> None:
+    """Of 33.5 dBsm; its opening of 0.4 m is less than the distance of even rays at 100 m."""
+    corner, found_dbsm = trihedral(0.3, 0), list[float]()
+    mesh = replace(corner, vertices=corner.vertices + np.array([0, 0, 0.6], np.float32))
+    for left_m in (-7.0, -3.3, 1.7, 9.2):
+        state = make_actor_state(
+            *(7, range_m, left_m), yaw_rad=math.atan2(left_m, range_m), size=(0.5, 0.5, 1.0)
+        )
+        bodies = {state.actor.blueprint: Body((mesh,), state.actor.size)}
+        found = scan(WIDE, frame=make_frame(state), bodies=bodies, pose=pose_matrix((0, 0, 0.6)))
+        own = rows_of(found.detections, 7)
+        assert len(own)
+        found_dbsm.append(float(found.detections.rcs_dbsm[own].max()))
+    # A target between two cells loses up to 6 dB in each axis, so the best place counts.
+    assert max(found_dbsm) == pytest.approx(33.5, abs=2)

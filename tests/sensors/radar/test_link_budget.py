@@ -1,15 +1,20 @@
 """The radar equation and its cells, by numbers computed by hand for the default radar."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from advercity_dsl import Mount
 
+from advercity.frames import ActorState
 from advercity.geometry.arrays import Float64Array
+from advercity.geometry.mesh import Mesh
+from advercity.geometry.poses import pose_matrix
+from advercity.rendering.raycaster import Raycaster
 from advercity.sensors.measurements import PointKind
+from advercity.sensors.radar import PlacedRadar
 from advercity.sensors.radar.antenna import (
-    build_ray_fan,
     compute_echo_factor,
     compute_gain,
     compute_noise_w_hz,
@@ -25,7 +30,10 @@ from advercity.sensors.radar.cfar import (
 )
 from advercity.sensors.radar.clutter import FallingClutter
 from advercity.sensors.radar.conditions import FallingEcho, RadarConditions
-from tests.sensors.radar.builders import WIDE, vary
+from advercity.sensors.radar.rays import RayFan, aim_rays, build_ray_fan
+from advercity.testing import CAR, build_box, make_actor_state, make_frame
+from advercity.world import World
+from tests.sensors.radar.builders import WIDE, place, vary
 
 AHEAD = np.array([[1.0, 0.0, 0.0]])
 CELL_M = 299_792_458 / 750e6
@@ -59,6 +67,42 @@ def test_rays_cover_the_field_of_view_evenly() -> None:
     assert (elevation.min(), elevation.max()) == pytest.approx((-14.877, 14.877), abs=1e-3)
     assert azimuth[0] < azimuth[1]
     assert elevation[0] < elevation[490]
+
+
+def aim(placed: PlacedRadar, *states: ActorState, wall: tuple[Mesh, ...] = ()) -> RayFan:
+    caster = Raycaster(World("test", wall, {"car": CAR}, lanes=(), network=Path("none")))
+    caster.place(make_frame(*states))
+    return aim_rays(placed, caster, states)
+
+
+def test_no_rays_are_spent_on_road_users_behind_a_wall() -> None:
+    placed, car = place(WIDE, pose_matrix((0, 0, 0.6))), make_actor_state(1, 80.0, 0.0)
+    wall = (build_box((0.2, 20, 5), (40, 0, 0)),)
+    even = len(build_ray_fan(WIDE).directions)
+    assert len(aim(placed, car, wall=wall).directions) == even < len(aim(placed, car).directions)
+
+
+@pytest.mark.parametrize("yaw_deg", [-170, -45, 0, 30, 180])
+def test_rays_on_road_users_are_closer_and_cover_the_same_angle(yaw_deg: float) -> None:
+    """A car of 4.5 by 1.5 m at 80 m has rays at 0.1 m, where even ones are 0.34 m apart."""
+    placed = place(WIDE, pose_matrix((5, -3, 0.6), yaw=math.radians(yaw_deg)))
+    away = math.radians(yaw_deg) + np.array([-0.3, 0.9])
+    states = [
+        make_actor_state(number, 5 + 80 * math.cos(angle), -3 + 80 * math.sin(angle))
+        for number, angle in enumerate(away, start=1)
+    ]
+    even, aimed = build_ray_fan(WIDE), aim(placed, *states)
+    assert float(aimed.solid_angle_sr.sum(dtype=float)) == pytest.approx(
+        float(even.solid_angle_sr.sum(dtype=float)), rel=1e-5
+    )
+    for angle in (-0.3, 0.9):
+        ahead = np.array([math.cos(angle), math.sin(angle), 0.0])
+        near = np.flatnonzero(aimed.directions @ ahead > math.cos(0.5 / 80))
+        assert len(near) == pytest.approx(math.pi * 0.5**2 / 0.09**2, rel=0.3)
+    behind = make_actor_state(
+        3, 5 - 80 * math.cos(math.radians(yaw_deg)), -3 - 80 * math.sin(math.radians(yaw_deg))
+    )
+    assert len(aim(placed, behind).directions) == len(even.directions)
 
 
 def test_the_range_cell_is_that_of_the_bandwidth() -> None:
