@@ -14,6 +14,7 @@ import json
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from typing import Any
 
 from advercity import __version__
@@ -22,6 +23,7 @@ from advercity.dataset.attribution import format_attribution
 from advercity.dataset.boxes import Boxes
 from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.reader import Dataset, FrameView, Scenario
+from advercity.dataset.scenario_folders import MANIFEST_FILE
 from advercity.dataset.weather_truth import WeatherTruth
 from advercity.exports.pieces import Piece, PieceFiles, make_common_piece
 from advercity.exports.registry import Options
@@ -184,6 +186,7 @@ def _describe(dataset: Dataset, tables: dict[str, FileRecord]) -> dict[str, Any]
         "license": LICENCE_NOTE,
         "url": "README.md",
         "version": __version__,
+        "datePublished": _find_date(dataset),
         "citeAs": f"@software{{advercity, title = {{advercity}}, version = {{{__version__}}}}}",
         "creator": {"@type": "sc:Organization", "name": f"advercity {__version__}"},
         "keywords": ["V2X", "autonomous driving", "adverse weather", "LiDAR", "camera"],
@@ -223,6 +226,12 @@ def _describe(dataset: Dataset, tables: dict[str, FileRecord]) -> dict[str, Any]
             for name, columns in TABLES.items()
         ],
     }
+
+
+def _find_date(dataset: Dataset) -> str:
+    """Find the day, UTC, on which the last scenario was made, by its manifest."""
+    times_s = [(one.path / MANIFEST_FILE).stat().st_mtime for one in dataset.scenarios]
+    return datetime.fromtimestamp(max(times_s), UTC).date().isoformat()
 
 
 def _format_card(dataset: Dataset, counts: dict[str, Counter[str]]) -> str:

@@ -11,6 +11,7 @@ from advercity.dataset.agent_view import AgentView
 from advercity.dataset.boxes import Boxes
 from advercity.exports.libraries import load_library
 from advercity.exports.mcap_values import (
+    PositionCovariance,
     Stamp,
     describe_camera,
     format_pose,
@@ -145,7 +146,9 @@ class FoxgloveEncoder:
         deletions = [{"timestamp": self._build_time(stamp), "type": 1}]
         self._add(topic, stamp, self._load("SceneUpdate")(deletions=deletions, entities=entities))
 
-    def write_fix(self, topic: str, stamp: Stamp, fix: GnssFix) -> None:
+    def write_fix(
+        self, topic: str, stamp: Stamp, fix: GnssFix, covariance: PositionCovariance
+    ) -> None:
         """Write a position on the globe."""
         self._write(
             topic,
@@ -154,6 +157,8 @@ class FoxgloveEncoder:
             latitude=fix.latitude_deg,
             longitude=fix.longitude_deg,
             altitude=fix.altitude_m,
+            position_covariance=covariance.matrix,
+            position_covariance_type=covariance.kind,
         )
 
     def write_imu(self, topic: str, stamp: Stamp, imu: ImuSample) -> None:

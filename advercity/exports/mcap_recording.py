@@ -18,7 +18,7 @@ from advercity.documents import read_bytes
 from advercity.errors import InputError
 from advercity.exports.mcap_foxglove import FoxgloveEncoder
 from advercity.exports.mcap_ros2 import Ros2Encoder
-from advercity.exports.mcap_values import Stamp
+from advercity.exports.mcap_values import PositionCovariance, Stamp
 from advercity.exports.pieces import Piece, PieceFiles, split_by_scenario
 from advercity.exports.registry import Options
 from advercity.geometry import poses
@@ -91,7 +91,8 @@ def _write_frame(frame: FrameView, recording: Encoder, shown: dict[str, int]) ->
             recording.write_image(f"{sensor}/image", stamp, _read_file(path))
         gnss, imu = view.motion
         if gnss is not None:
-            recording.write_fix(f"/{name}/gnss", Stamp(time_ns, name), gnss)
+            covariance = PositionCovariance.of_fix(view.agent.sensors.gnss, gnss)
+            recording.write_fix(f"/{name}/gnss", Stamp(time_ns, name), gnss, covariance)
         if imu is not None:
             recording.write_imu(f"/{name}/imu", Stamp(time_ns, name), imu)
 

@@ -11,6 +11,7 @@ from advercity.dataset.agent_view import AgentView
 from advercity.dataset.boxes import Boxes
 from advercity.exports.libraries import load_library
 from advercity.exports.mcap_values import (
+    PositionCovariance,
     Stamp,
     describe_camera,
     format_pose,
@@ -106,15 +107,17 @@ class Ros2Encoder:
         ]
         self._write(topic, stamp, "vision_msgs/Detection3DArray", {"detections": detections})
 
-    def write_fix(self, topic: str, stamp: Stamp, fix: GnssFix) -> None:
+    def write_fix(
+        self, topic: str, stamp: Stamp, fix: GnssFix, covariance: PositionCovariance
+    ) -> None:
         """Write a position on the globe."""
         values = {
             "status": {"status": 0, "service": 1},  # a fix, by GPS
             "latitude": fix.latitude_deg,
             "longitude": fix.longitude_deg,
             "altitude": fix.altitude_m,
-            "position_covariance": [0.0] * 9,
-            "position_covariance_type": 0,  # unknown
+            "position_covariance": covariance.matrix,
+            "position_covariance_type": covariance.kind,
         }
         self._write(topic, stamp, "sensor_msgs/NavSatFix", values)
 

@@ -1,14 +1,18 @@
 """What messages of MCAP recordings have in common, whichever their schemas are."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from advercity_dsl.rig import Gnss
 from numpy.typing import NDArray
 
 from advercity.dataset.agent_view import AgentView
+from advercity.geometry.geodesy import SEMI_MAJOR_M
 from advercity.geometry.poses import Matrix, to_quaternion
+from advercity.sensors.measurements import GnssFix, GnssSolution
 
 
 @dataclass(frozen=True)
@@ -28,9 +32,53 @@ def list_fields(table: NDArray[np.void]) -> Iterator[tuple[str, int, str]]:
 
 
 def read_lens(view: AgentView, camera: int, names: Mapping[str, str]) -> tuple[str, list[float]]:
-    """Return the name of a camera's distortion and its coefficients; none of a pinhole."""
+    """Return the name of a camera's distortion and its coefficients, zeros of a pinhole."""
     lens = view.agent.sensors.cameras[camera].camera.lens
-    return ("", []) if lens is None else (names[lens.model], list(lens.coefficients))
+    if lens is None:
+        return names["brown_conrady"], [0.0] * 5
+    return names[lens.model], list(lens.coefficients)
+
+
+@dataclass(frozen=True)
+class PositionCovariance:
+    """How far a fix may be off.
+
+    Attributes:
+        matrix: (9,) of east, north and up, in m².
+        kind: Number that ROS and Foxglove have for how it is known: 0 unknown, 1 approximated,
+            2 known on the diagonal.
+    """
+
+    matrix: list[float]
+    kind: int
+
+    @staticmethod
+    def of_fix(receiver: Gnss, fix: GnssFix) -> "PositionCovariance":
+        """Compute the covariance by the receiver's noise.
+
+        Of a fix by satellites it is approximated, as drivers do, by the dilution of precision and
+        the error of a range at the zenith. Of carrier phases it is unknown.
+        """
+        m_per_deg, quality = math.radians(SEMI_MAJOR_M), fix.quality
+        if receiver.mode == "carla":
+            east_m = (
+                receiver.longitude_noise_deg * m_per_deg * math.cos(math.radians(fix.latitude_deg))
+            )
+            north_m = receiver.latitude_noise_deg * m_per_deg
+            return _to_covariance(east_m, north_m, receiver.altitude_noise_m, kind=2)
+        if receiver.mode == "realistic":
+            level_m = math.hypot(receiver.white_noise_m, receiver.wander_m)
+            return _to_covariance(level_m, level_m, receiver.vertical_factor * level_m, kind=2)
+        if quality is None or quality.solution != GnssSolution.SINGLE:
+            return _to_covariance(0.0, 0.0, 0.0, kind=0)
+        range_m = math.hypot(receiver.receiver.signal_error_m, receiver.receiver.atmosphere_m)
+        level_m = quality.hdop * range_m / math.sqrt(2)
+        return _to_covariance(level_m, level_m, quality.vdop * range_m, kind=1)
+
+
+def _to_covariance(east_m: float, north_m: float, up_m: float, *, kind: int) -> PositionCovariance:
+    """Convert standard deviations."""
+    return PositionCovariance(np.diag([east_m**2, north_m**2, up_m**2]).ravel().tolist(), kind)
 
 
 def describe_camera(view: AgentView, camera: int) -> dict[str, Any]:

@@ -59,7 +59,7 @@ def _write_scenario(scenario: Scenario, files: PieceFiles) -> None:
             objects[number] = {"name": f"{kind}_{number}", "type": kind}
         frames[str(frame.index)] = {
             "frame_properties": {
-                "timestamp": round(frame.time_s, DECIMALS),
+                "timestamp": f"{frame.time_s:.{DECIMALS}f}",
                 "streams": dict(_list_files(frame)),
                 "transforms": {
                     f"{name}_to_{WORLD}": {

@@ -8,6 +8,7 @@ import numpy as np
 from rosbags.highlevel import AnyReader  # pyright: ignore[reportMissingImports]
 
 found = {"topics": {}, "clouds": {}, "transforms": {}, "objects": {}}
+found |= {"calibrations": {}, "fixes": {}}
 with AnyReader([Path(sys.argv[1])]) as reader:
     for one in reader.connections:
         found["topics"][one.topic] = [one.msgtype, one.msgcount]
@@ -21,6 +22,12 @@ with AnyReader([Path(sys.argv[1])]) as reader:
             places = table[:, :12].copy().view("<f4")
             summary = [len(places), places.astype(float).sum(axis=0).tolist()]
             found["clouds"].setdefault(one.topic, {})[time] = [*summary, message.header.frame_id]
+        elif one.msgtype == "sensor_msgs/msg/CameraInfo":
+            calibration = [message.distortion_model, message.d.tolist()]
+            found["calibrations"][one.topic] = calibration
+        elif one.msgtype == "sensor_msgs/msg/NavSatFix":
+            variances = message.position_covariance.tolist()
+            found["fixes"][one.topic] = [message.position_covariance_type, variances]
         elif one.msgtype == "tf2_msgs/msg/TFMessage":
             for item in message.transforms:
                 at, turn = item.transform.translation, item.transform.rotation

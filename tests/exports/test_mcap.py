@@ -8,11 +8,14 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from advercity_dsl.rig import Gnss
 
 from advercity.dataset.reader import FrameView, open_dataset
 from advercity.errors import InputError
 from advercity.exports.exporting import export_dataset
+from advercity.exports.mcap_values import PositionCovariance
 from advercity.exports.ros2_messages import DEFINITIONS, format_definition
+from advercity.sensors.measurements import GnssFix, GnssSolution, SolutionQuality
 from tests.exports.readers import needs_readers, run_reader
 from tests.exports.recorded_dataset import FIRST_FRAME, FRAMES
 from tests.exports.recorded_dataset import recorded_dataset as recorded_dataset  # a fixture
@@ -138,12 +141,58 @@ def test_images_weather_and_motion_are_those_of_the_dataset(
     assert gnss is not None and imu is not None
     _, _, fix = foxglove["/cav1/gnss"][0]
     assert (fix.latitude, fix.longitude) == (gnss.latitude_deg, gnss.longitude_deg)
+    assert len(fix.position_covariance) == 9
+    assert fix.position_covariance_type == 2
     _, _, measured = foxglove["/cav1/imu"][0]
     force = [measured["specific_force"][axis] for axis in "xyz"]
     assert force == pytest.approx(imu.specific_force.tolist())
     _, _, weather = foxglove["/weather"][0]
     assert weather["id"] == "fog_day"
     assert weather["mor_m"] == pytest.approx(75, rel=0.02)
+
+
+def test_a_pinhole_is_plumb_bob_with_five_zeros(foxglove: dict[str, list[Any]]) -> None:
+    _, _, calibration = foxglove["/cav1/camera0/calibration"][0]
+    assert calibration.distortion_model == "plumb_bob"
+    assert list(calibration.D) == [0.0] * 5
+
+
+def fix_at(latitude_deg: float, quality: SolutionQuality | None = None) -> GnssFix:
+    return GnssFix(latitude_deg, 8.0, 100.0, 0.0, quality=quality)
+
+
+def quality_of(solution: GnssSolution) -> SolutionQuality:
+    return SolutionQuality(solution, satellites=8, visible=9, pdop=2.5, hdop=1.5, vdop=2.0)
+
+
+@pytest.mark.parametrize(
+    ("noise", "fix", "deviations_m", "kind"),
+    [
+        # A degree of latitude is 111.3 km, at 60 degrees one of longitude half of it.
+        (
+            {"latitude_noise_deg": 1e-5, "longitude_noise_deg": 1e-5, "altitude_noise_m": 3},
+            *(fix_at(60.0), (0.5566, 1.1132, 3.0), 2),
+        ),
+        (
+            {"mode": "realistic", "white_noise_m": 0.3, "wander_m": 0.4, "vertical_factor": 2},
+            *(fix_at(0.0), (0.5, 0.5, 1.0), 2),
+        ),
+        # 0.6 and 0.8 m are 1 m of range; half of the square of HDOP is in each direction.
+        (
+            {"mode": "satellites", "receiver": {"signal_error_m": 0.6, "atmosphere_m": 0.8}},
+            *(fix_at(0.0, quality_of(GnssSolution.SINGLE)), (1.06066, 1.06066, 2.0), 1),
+        ),
+        ({"mode": "satellites"}, fix_at(0.0, quality_of(GnssSolution.FIXED)), (0, 0, 0), 0),
+    ],
+)
+def test_the_covariance_of_a_fix_is_that_of_the_noise(
+    noise: dict[str, Any], fix: GnssFix, deviations_m: tuple[float, ...], kind: int
+) -> None:
+    found = PositionCovariance.of_fix(Gnss.model_validate(noise), fix)
+    assert np.sqrt(np.diag(np.reshape(found.matrix, (3, 3)))) == pytest.approx(
+        deviations_m, rel=1e-3
+    )
+    assert found.kind == kind
 
 
 @needs_readers
@@ -163,6 +212,8 @@ def test_a_reader_of_ros_2_finds_the_same(
     assert types["/cav1/camera0/calibration"] == "sensor_msgs/msg/CameraInfo"
     assert types["/cav1/gnss"] == "sensor_msgs/msg/NavSatFix"
     assert types["/cav1/imu"] == "sensor_msgs/msg/Imu"
+    assert found["calibrations"]["/cav1/camera0/calibration"] == ["plumb_bob", [0.0] * 5]
+    assert found["fixes"]["/cav1/gnss"][0] == 2
     for frame in frames:
         time = str(round(frame.time_s * 1e9))
         points, view = frame["cav1"].points, frame["cav1"]

@@ -51,6 +51,11 @@ def test_a_box_is_where_it_is_by_hand(label: dict[str, Any]) -> None:
     assert {"cav1/lidar_points", "cav2/lidar_points"} <= numbers.keys()
 
 
+def test_a_timestamp_is_seconds_as_text(label: dict[str, Any], frame: FrameView) -> None:
+    properties = label["frames"][str(FIRST_FRAME)]["frame_properties"]
+    assert properties["timestamp"] == f"{frame.time_s:.6f}"
+
+
 def test_a_point_goes_from_the_world_into_a_picture_by_the_coordinate_systems(
     label: dict[str, Any], frame: FrameView
 ) -> None:
@@ -126,6 +131,7 @@ def test_weather_has_tags_in_the_units_of_the_ontology(
 def test_a_reader_that_knows_the_schema_loads_it(exported: Path, frame: FrameView) -> None:
     found = run_reader("read_openlabel.py", exported, str(FIRST_FRAME))
     assert found["version"] == "1.0.0"
+    assert float(found["timestamp"]) == pytest.approx(frame.time_s)
     assert found["frames"] == [[FIRST_FRAME, FIRST_FRAME + FRAMES - 1]]
     assert found["objects"] == ["1001", "101", "102", "5001"]
     assert found["cars"] == ["1001", "101"]
