@@ -36,6 +36,8 @@ ROADWAY_BARE_M, SIDEWALK_BARE_M = 0.26, 0.07
 SPILL_M, RISE_M, SINK_M = 0.09, 0.010, 0.02
 """How far bare ground spills over the edge of paving, how far it lies above the ground there, and
 how far below at its outer border, so that it has no edge of its own."""
+MAX_FALL_M = 0.5
+"""Greatest difference of height within a piece of bare ground: what is steeper is a wall."""
 MEDIAN_TUFTS_PER_M2, MEDIAN_MARGIN_M = 26.0, 0.14
 """Tufts on medians, and how far from their kerbs: blades may hang over these, but over no lane."""
 WEEDS_PER_M, JOINT_M = 1.2, (0.12, 0.155)
@@ -194,6 +196,9 @@ def _build_bare_ground(edges: _Edges, site: Site) -> TriangleSurface:
         for a in (first, first + row)
     ]
     triangles = np.concatenate(quads)
+    # At the end of a deck, ground begins some metres lower.
+    is_level = np.ptp(vertices[triangles][..., 2], axis=1) < MAX_FALL_M
+    triangles = triangles[is_level]
     return TriangleSurface(vertices, triangles, np.tile([0.0, 0.0, 1.0], (len(vertices), 1)))
 
 

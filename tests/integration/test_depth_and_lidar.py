@@ -19,7 +19,9 @@ from advercity.scene.build import build_world
 from advercity.testing import make_frame
 from advercity.world import World
 from tests.requirements import require
+from tests.roads.declared_levels import declare_two_levels
 from tests.roads.imported_roads import BEND, TWO_LEVELS, compiled
+from tests.roads.left_hand_roads import STREET
 
 WIDTH_PX, HEIGHT_PX, FOCAL_PX = 160, 96, 80.0
 MAX_RANGE_M, TOLERANCE_M = 100.0, 0.05
@@ -89,6 +91,16 @@ def test_imports_and_decks_are_seen_alike(
     spec = compiled(library, tmp_path, road)
     world = build_world(spec, Path("none"))
     assert measure_agreement(world, spec, [*list_poses(spec), *more]) > 0.99
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("road", [declare_two_levels(), STREET], ids=["levels", "left-hand"])
+def test_declared_sites_are_seen_alike(
+    library: Path, tmp_path: Path, road: dict[str, object]
+) -> None:
+    spec = compiled(library, tmp_path, road | {"id": "imported"})
+    world = build_world(spec, Path("none"))
+    assert measure_agreement(world, spec, [*list_poses(spec), *UNDER_AND_BESIDE_A_DECK]) > 0.99
 
 
 @pytest.mark.slow

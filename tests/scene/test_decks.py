@@ -17,6 +17,7 @@ from advercity.scene.decks import find_decks
 from advercity.semantics import Semantic
 from advercity.testing import make_frame
 from advercity.world import World
+from tests.roads.declared_levels import declare_two_levels
 from tests.roads.imported_roads import TWO_LEVELS, compiled
 
 RISE_M, SLAB_M = 5.5, 0.9
@@ -108,6 +109,17 @@ def test_parapets_stand_beside_the_upper_street(solid: Raycaster) -> None:
         assert not over.range_m[0] < 20
 
 
+def test_no_strip_of_ground_stands_before_an_abutment(world: World) -> None:
+    soil = [mesh for mesh in world.static if mesh.name.startswith("verge_") and len(mesh.triangles)]
+    heights = [
+        np.ptp(mesh.vertices[mesh.triangles][..., 2], axis=1).max()
+        for mesh in soil
+        if "soil" in mesh.material
+    ]
+    assert heights
+    assert max(heights) < 0.5
+
+
 def test_a_deck_is_closed(world: World) -> None:
     (decks,) = (mesh for mesh in world.static if mesh.name == "decks")
     assert enclosed_m3(decks) > 100
@@ -140,6 +152,14 @@ def test_a_lane_that_rises_over_another_has_a_deck(rise_m: float, slab_m: float)
         assert shapely.Point(0, 4.4).within(deck.carried)
         top_m = max(item.left[0, 2] for item in lanes)
         np.testing.assert_allclose(deck.heights.height_at(np.zeros((1, 2))), top_m)
+
+
+@pytest.mark.parametrize("high_m", [6.5, 2.1, -5.0])
+def test_a_declared_street_leads_over_or_under_another(high_m: float) -> None:
+    (deck,) = find_decks(build_road(Road.model_validate(declare_two_levels(high_m))).lanes)
+    # Where both axes cross, the deck carries the upper one.
+    height_m = deck.heights.height_at(np.zeros((1, 2)))
+    np.testing.assert_allclose(height_m, max(high_m, 0.0), atol=0.01)
 
 
 @pytest.mark.parametrize("rise_m", [0.0, 0.5, 1.9])
