@@ -68,11 +68,12 @@ def _build_choice(
         Literal["urban", "rural"], typer.Option(help="Land use of the site.")
     ] = "urban",
     origin: Annotated[
-        tuple[float, float],
+        tuple[float, float] | None,
         typer.Option(
-            metavar="LAT LON", help="Latitude and longitude of the map's origin, degrees."
+            metavar="LAT LON",
+            help="Latitude and longitude of the map's origin, degrees (default: the map's).",
         ),
-    ] = (0.0, 0.0),
+    ] = None,
 ) -> "ReplayChoice":
     from advercity.compiler.recorded_roads import ReplayChoice
 

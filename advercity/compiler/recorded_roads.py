@@ -89,7 +89,7 @@ class ReplayChoice:
     rig: str = "adver_city"
     looks: Looks = "full"
     land_use: Literal["urban", "rural"] = "urban"
-    origin_deg: tuple[float, float] = (0.0, 0.0)
+    origin_deg: tuple[float, float] | None = None
 
 
 def load_recorded_table(path: Path) -> Recording:
@@ -202,7 +202,7 @@ _NO_TRAFFIC = {
 
 def _check_choice(choice: ReplayChoice, library: Library) -> None:
     """Check what does not depend on the recording."""
-    latitude_deg, longitude_deg = choice.origin_deg
+    latitude_deg, longitude_deg = choice.origin_deg or (0.0, 0.0)
     if not (abs(latitude_deg) <= MAX_LATITUDE_DEG and abs(longitude_deg) <= MAX_LONGITUDE_DEG):
         raise InputError(
             f"`origin` {latitude_deg:g} {longitude_deg:g}: latitudes are -{MAX_LATITUDE_DEG} to"
@@ -356,7 +356,9 @@ def _name_agent(number: int) -> str:
 def _build_road(
     name: str, choice: ReplayChoice, connected: Sequence[Track], site: Path
 ) -> dict[str, Any]:
-    latitude, longitude = choice.origin_deg
+    origin: dict[str, float] = {}
+    if choice.origin_deg is not None:
+        origin = dict(zip(("origin_lat_deg", "origin_lon_deg"), choice.origin_deg, strict=True))
     source = "lanelet2" if is_lanelet2_file(site) else MAP_SOURCES[_find_map_suffix(site)]
     return {
         "kind": "road",
@@ -366,8 +368,7 @@ def _build_road(
         "junction": "intersection",
         "alignment": "straight",
         "profile": "level",
-        "origin_lat_deg": latitude,
-        "origin_lon_deg": longitude,
+        **origin,
         "imported": {"source": source, "file": site.name},
         "agents": {
             _name_agent(number): _build_vehicle(track, is_ego=number == 0)

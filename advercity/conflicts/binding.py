@@ -49,7 +49,7 @@ def match_conflict(conflict: Conflict, road: Road, *, called_for: bool) -> Bindi
     reason = _find_obstacle(conflict, road, turn)
     if reason:
         return Binding("invalid", reason)
-    signals = _find_signalled_junctions(road)
+    signals = _has_signals_at_intersection(road)
     if conflict.requires.signals == "forbidden" and signals and road.imported is not None:
         return Binding("invalid", "the ego's junction has traffic lights in the map")
     if conflict.requires.signals == "forbidden" and signals:
@@ -145,6 +145,16 @@ def _list_ego_sides(road: Road) -> list[tuple[StripLayout, ...]]:
     """List the strips on either side of each of the ego's streets."""
     streets = [RoutePlanner(road).streets[name] for name in road.ego.route]
     return [side for street in streets for side in (street.left_strips, street.right_strips)]
+
+
+def _has_signals_at_intersection(road: Road) -> bool:
+    """Return whether the ego's junction has traffic lights; others on its route do not count."""
+    planner, ego = RoutePlanner(road), road.ego
+    index = planner.find_intersection(ego)
+    if index is None:
+        return False
+    first, second = ego.route[index : index + 2]
+    return planner.find_next_green_s(first, second, 0.0) is not None
 
 
 def _find_signalled_junctions(road: Road) -> tuple[str, ...]:

@@ -1,5 +1,8 @@
 """SUMO scenarios of others: what is recorded of them, and what they may not do."""
 
+import gzip
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -132,6 +135,30 @@ def test_routes_that_cannot_be_used_are_an_error_of_the_file(
 
     with pytest.raises(InputError, match=complaint):
         load_sumo_scenario(path, tmp_path, to_s=9)
+
+
+def test_a_network_that_knows_its_place_is_there(tmp_path: Path) -> None:
+    """Its middle is 500 km east of false easting's zero: on the central meridian, at 48 N."""
+    path = write_sumo_scenario(tmp_path / "s")
+    packed = tmp_path / "s/town.net.xml.gz"
+    network = gzip.decompress(packed.read_bytes()).decode()
+    for name, value in {
+        "netOffset": "-500000,-5316300",
+        "projParameter": "+proj=utm +zone=32 +ellps=WGS84",
+    }.items():
+        network, count = re.subn(f'{name}="[^"]*"', f'{name}="{value}"', network)
+        assert count == 1
+    packed.write_bytes(gzip.compress(network.encode()))
+    found = load_sumo_scenario(path, tmp_path, from_s=2, to_s=8)
+
+    choice = ReplayChoice(ego="north_1", from_s=2, to_s=8, looks="shaped")
+    (spec,) = write_recorded_road(found, None, choice, tmp_path / "out")
+
+    assert spec.road.origin_lon_deg == pytest.approx(9, abs=1e-4)
+    assert spec.road.origin_lat_deg == pytest.approx(48, abs=0.01)
+    elsewhere = replace(choice, origin_deg=(48.0, 11.0))
+    with pytest.raises(InputError, match="its geoReference puts the origin at 4"):
+        write_recorded_road(found, None, elsewhere, tmp_path / "other")
 
 
 def test_a_scenario_becomes_a_spec_that_has_its_network_and_its_window(tmp_path: Path) -> None:
