@@ -1,7 +1,8 @@
 """Plans of maps: all that an import needs of a format, in metres, with traffic on the right."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement
 
@@ -10,19 +11,50 @@ from advercity_dsl import MapFile
 from advercity_dsl.road import MapPlace
 from advercity_dsl.units import Point2
 
-from advercity.geometry.polyline import Points
+from advercity.geometry.polyline import Points, polyline_stations
 from advercity.roads.map_conversion import Conversion
-from advercity.roads.sumo_xml import BORDER_ATTRIBUTES, format_shape
+from advercity.roads.sumo_xml import BORDER_ATTRIBUTES, format_metres, format_shape
 
 Side = Literal["left", "right"]
 
 
+LaneLink = tuple[str, int, str, int]
+"""Edge and index of the lane that a path leaves, then of the one that it enters."""
+
+
 @dataclass(frozen=True, eq=False)
 class LaneLines:
-    """Middle (n, 3) of a lane, and its borders where SUMO's line and width do not give them."""
+    """The lines of a lane.
+
+    Attributes:
+        centre: Its middle (n, 3).
+        width_m: Its usual width.
+        borders: Left and right border, a point for each of the middle, where middle and width do
+            not give them; else none.
+    """
 
     centre: Points
+    width_m: float
     borders: tuple[Points, ...]
+
+    def cut(self, first: float, last: float) -> "LaneLines":
+        """Cut out the part between two fractions of the length."""
+        stations = polyline_stations(self.centre)
+        ends = np.array([first, last]) * stations[-1]
+        inner = stations[(stations > ends[0]) & (stations < ends[1])]
+        at = np.concatenate([ends[:1], inner, ends[1:]])
+
+        def pick(line: Points) -> Points:
+            return np.stack([np.interp(at, stations, column) for column in line.T], axis=1)
+
+        return LaneLines(pick(self.centre), self.width_m, tuple(map(pick, self.borders)))
+
+    def write(self, lane: Element) -> None:
+        """Set them at a lane of a network."""
+        lane.set("shape", format_shape(self.centre))
+        lane.set("width", format_metres(self.width_m))
+        for name, border in zip(BORDER_ATTRIBUTES, self.borders, strict=False):
+            lane.set(name, format_shape(border))
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +70,7 @@ class MapPlan:
             of the first; None where it may keep all.
         names: Names of streets by edge; None if netconvert copies them.
         lanes: Lines of lanes by SUMO's id, where netconvert would simplify them.
+        paths: Lines of ways through junctions.
         outlines: Kind and ring (n, 3) of paving inside junctions.
     """
 
@@ -48,20 +81,48 @@ class MapPlan:
     confirm: Callable[[Element], Conversion | None] | None = None
     names: Mapping[str, str] | None = None
     lanes: Mapping[str, LaneLines] = field(default_factory=dict[str, LaneLines])
+    paths: Mapping[LaneLink, LaneLines] = field(default_factory=dict[LaneLink, LaneLines])
     outlines: Sequence[tuple[str, Points]] = ()
 
     def complete(self, net: Element) -> None:
         """Add to a converted network, in place, the lines and outlines that netconvert cannot."""
-        for lane in net.iter("lane"):
-            lines = self.lanes.get(lane.attrib["id"])
-            if lines is not None:
-                # netconvert drops points that are close to each other, and borders have all.
-                lane.set("shape", format_shape(lines.centre))
-                for name, border in zip(BORDER_ATTRIBUTES, lines.borders, strict=False):
-                    lane.set(name, format_shape(border))
+        elements = {item.attrib["id"]: item for item in net.iter("lane")}
+        # netconvert drops points that are close to each other, and has one width for a lane.
+        for name, lines in self.lanes.items():
+            if name in elements:
+                lines.write(elements[name])
+        for link, chain in _list_internal_chains(net):
+            if link in self.paths:
+                lanes = [elements[name] for name in chain]
+                ends = np.cumsum([0.0, *(float(lane.attrib["length"]) for lane in lanes)])
+                for lane, part in zip(lanes, pairwise((ends / ends[-1]).tolist()), strict=True):
+                    self.paths[link].cut(*part).write(lane)
         for number, (kind, ring) in enumerate(self.outlines):
             shape = format_shape(ring)
             SubElement(net, "poly", {"id": f"{kind}_{number}", "type": kind, "shape": shape})
+
+
+def _list_internal_chains(net: Element) -> Iterator[tuple[LaneLink, list[str]]]:
+    """List the connections through junctions, with the lanes that they lead over, in a row.
+
+    netconvert cuts a lane where vehicles wait inside a junction.
+    """
+    following: dict[str, str] = {}
+    begins: dict[LaneLink, str] = {}
+    for item in net.iter("connection"):
+        via = item.get("via")
+        if via is not None:
+            origin, lane = item.attrib["from"], item.attrib["fromLane"]
+            if origin.startswith(":"):
+                following[f"{origin}_{lane}"] = via
+            else:
+                link = (origin, int(lane), item.attrib["to"], int(item.attrib["toLane"]))
+                begins[link] = via
+    for link, via in begins.items():
+        chain = [via]
+        while chain[-1] in following:
+            chain.append(following[chain[-1]])
+        yield link, chain
 
 
 def place_extent(

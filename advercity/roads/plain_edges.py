@@ -48,23 +48,24 @@ class PlainLane:
         """Its middle (n, 3)."""
         return (self.left + self.right) / 2
 
-    @property
-    def usual_width_m(self) -> float:
-        """The width that half of it is wider than."""
-        stations = polyline_stations(self.centre)
-        widths = np.linalg.norm(self.left - self.right, axis=1)
-        even = np.linspace(0.0, stations[-1], 101)
-        return max(float(np.median(np.interp(even, stations, widths))), 0.1)
 
-    @property
-    def has_plain_borders(self) -> bool:
-        """Whether its middle and its usual width give its borders."""
-        centre, half = self.centre, self.usual_width_m / 2
-        if len(drop_repeated_points(centre[:, :2])) < len(centre):
-            return False
-        sides = ((self.left, half), (self.right, -half))
+def measure_usual_width(left: Points, right: Points) -> float:
+    """Measure the width that half of a lane between two borders (n, 3) is wider than."""
+    stations = polyline_stations((left + right) / 2)
+    widths = np.linalg.norm(left - right, axis=1)
+    even = np.linspace(0.0, stations[-1], 101)
+    return max(float(np.median(np.interp(even, stations, widths))), 0.1)
+
+
+def build_lane_lines(left: Points, right: Points) -> LaneLines:
+    """Build the lines of a lane, without borders if its middle and usual width give them."""
+    centre, width_m = (left + right) / 2, measure_usual_width(left, right)
+    if len(drop_repeated_points(centre[:, :2])) == len(centre):
+        sides = ((left, width_m / 2), (right, -width_m / 2))
         gaps = [np.abs(offset_polyline(centre, aside) - line).max() for line, aside in sides]
-        return max(gaps) < BORDER_TOLERANCE_M
+        if max(gaps) < BORDER_TOLERANCE_M:
+            return LaneLines(centre, width_m, ())
+    return LaneLines(centre, width_m, (left, right))
 
 
 def add_node(
@@ -111,7 +112,7 @@ def add_edge(
             "index": str(index),
             permission: classes,
             "speed": format_metres(lane.speed_m_s),
-            "width": format_metres(lane.usual_width_m),
+            "width": format_metres(measure_usual_width(lane.left, lane.right)),
             "shape": format_shape(lane.centre),
             "type": lane.use.paving,
         }
@@ -121,8 +122,7 @@ def add_edge(
 def list_lane_lines(name: str, lanes: Iterable[PlainLane]) -> Iterator[tuple[str, LaneLines]]:
     """List the lines of an edge's lanes by SUMO's id."""
     for index, lane in enumerate(lanes):
-        borders = () if lane.has_plain_borders else (lane.left, lane.right)
-        yield f"{name}_{index}", LaneLines(lane.centre, borders)
+        yield f"{name}_{index}", build_lane_lines(lane.left, lane.right)
 
 
 def build_connections(

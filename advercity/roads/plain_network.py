@@ -12,7 +12,7 @@ from advercity.errors import InputError
 from advercity.geometry.polyline import Points
 from advercity.roads.imported_crossings import declare_marked, get_guess_options
 from advercity.roads.map_conversion import JUNCTION_OPTIONS, Conversion
-from advercity.roads.map_plan import LaneLines, MapPlan, Side
+from advercity.roads.map_plan import LaneLines, LaneLink, MapPlan, Side
 
 PLAIN_OPTIONS = {
     "node-files": "nodes.xml",
@@ -32,6 +32,7 @@ class PlainNetwork:
         connections: Document of connections.
         names: Names of streets in the map, by edge.
         lanes: Lines of every lane, by SUMO's id.
+        paths: Lines of ways through junctions.
         outlines: Kind and ring (n, 3) of paving inside junctions.
         crosswalks: Middles of the crosswalks of the map.
     """
@@ -41,6 +42,7 @@ class PlainNetwork:
     connections: Element
     names: dict[str, str]
     lanes: dict[str, LaneLines]
+    paths: dict[LaneLink, LaneLines]
     outlines: list[tuple[str, Points]]
     crosswalks: list[tuple[float, float]]
 
@@ -70,5 +72,6 @@ class PlainNetwork:
             else None,
             names=self.names,
             lanes=self.lanes,
+            paths=self.paths,
             outlines=self.outlines,
         )

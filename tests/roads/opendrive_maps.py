@@ -42,14 +42,29 @@ def road(
     before_lanes: str = "",
     link: str = "",
     attributes: str = "",
+    junction: str = "-1",
 ) -> str:
     x, y, heading = start
     geometry = f'<geometry s="0" x="{x!r}" y="{y!r}" hdg="{heading!r}" length="{length!r}">{shape}'
     return (
-        f'<road id="{road_id}" name="Road {road_id}" length="{length!r}" junction="-1"'
+        f'<road id="{road_id}" name="Road {road_id}" length="{length!r}" junction="{junction}"'
         f" {attributes}>"
         f"<link>{link}</link><planView>{geometry}</geometry></planView>{before_lanes}"
         f"<lanes>{sections}</lanes></road>"
+    )
+
+
+def linked(side: str, kind: str, name: str, contact: str = "") -> str:
+    """Write the link of a road to another or to a junction."""
+    point = f' contactPoint="{contact}"' if contact else ""
+    return f'<{side} elementType="{kind}" elementId="{name}"{point}/>'
+
+
+def connection(incoming: str, connecting: str, contact: str, *lanes: tuple[int, int]) -> str:
+    links = "".join(f'<laneLink from="{one}" to="{other}"/>' for one, other in lanes)
+    return (
+        f'<connection incomingRoad="{incoming}" connectingRoad="{connecting}"'
+        f' contactPoint="{contact}">{links}</connection>'
     )
 
 

@@ -1,11 +1,13 @@
 """Records of an OpenDRIVE document, in its own terms and units; angles in radians."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 from advercity.roads.opendrive.profiles import Profile
 
 Contact = Literal["start", "end"]
+CONTACTS: tuple[Contact, ...] = ("start", "end")
 
 
 @dataclass(frozen=True)
@@ -171,5 +173,20 @@ class OpenDriveMap:
     junctions: dict[str, Junction]
 
     def is_connecting(self, road: Road) -> bool:
-        """Whether a road lies in a junction."""
-        return road.junction in self.junctions
+        """Whether a road lies in a junction and leads through it."""
+        return road.junction in self.junctions and road.id not in self._dead_ends
+
+    @cached_property
+    def _dead_ends(self) -> set[str]:
+        """Roads with an end that has no link, and that no connection enters."""
+        entered = {
+            (item.road, item.contact)
+            for junction in self.junctions.values()
+            for item in junction.connections
+        }
+        return {
+            road.id
+            for road in self.roads.values()
+            for contact in CONTACTS
+            if road.get_link(contact) is None and (road.id, contact) not in entered
+        }

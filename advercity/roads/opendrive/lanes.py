@@ -22,7 +22,7 @@ from advercity.roads.plain_edges import PlainLane
 STEP_M = 0.5
 """Largest distance between stations; points that are not needed are dropped afterwards."""
 MIN_LENGTH_M = 0.01
-"""Shorter stretches, which editors leave between sections, have no direction."""
+"""Shorter stretches have no direction."""
 MIN_WIDTH_M = 0.05
 """A lane that is nowhere wider is not there."""
 MAX_WIDTH_M = 60.0
@@ -47,8 +47,7 @@ class Stretch:
 
 def build_stretches(road: Road) -> Iterator[Stretch]:
     """Split a road where its lanes or limits change, and sample its lanes."""
-    ends = [*(section.begins_m for section in road.sections[1:]), road.length_m]
-    for section, ends_m in zip(road.sections, ends, strict=True):
+    for section, (begins_m, ends_m) in zip(road.sections, pairwise(_place_ends(road)), strict=True):
         limits = [road.speeds, *(lane.speeds for lane in section.lanes.values())]
         begins = [0.0] + [section.begins_m] * (len(limits) - 1)
         changes = {
@@ -58,10 +57,32 @@ def build_stretches(road: Road) -> Iterator[Stretch]:
         }
         if road.is_loop:
             changes.add(road.length_m / 2)
-        inner = (at for at in sorted(changes) if section.begins_m < at < ends_m)
-        for first_m, last_m in pairwise([section.begins_m, *inner, ends_m]):
+        inner = (at for at in sorted(changes) if begins_m < at < ends_m)
+        for first_m, last_m in pairwise([begins_m, *inner, ends_m]):
             if last_m - first_m > MIN_LENGTH_M:
                 yield _build_stretch(road, section, first_m, last_m)
+
+
+def _place_ends(road: Road) -> list[float]:
+    """Place the stations where sections begin, and the end of the last.
+
+    Sections of some millimetres, which editors leave, link the lanes before and behind them: they
+    grow, so that they have a direction.
+    """
+    begins = [section.begins_m for section in road.sections]
+    ends = [*begins[1:], road.length_m]
+    # The last may even begin beyond the end, as numbers of a file are rounded.
+    grown_m = [
+        2 * MIN_LENGTH_M * (first - MIN_LENGTH_M < last != first)
+        for first, last in zip(begins, ends, strict=True)
+    ]
+    placed = [begins[0]]
+    for end_m, least_m in zip(ends, grown_m, strict=True):
+        placed.append(max(end_m, placed[-1] + least_m))
+    placed[-1] = road.length_m
+    for index in reversed(range(1, len(grown_m))):
+        placed[index] = max(min(placed[index], placed[index + 1] - grown_m[index]), begins[0])
+    return placed
 
 
 def _build_stretch(road: Road, section: LaneSection, first_m: float, last_m: float) -> Stretch:
@@ -82,7 +103,7 @@ def _build_stretch(road: Road, section: LaneSection, first_m: float, last_m: flo
             )
         if use is None or widest_m < MIN_WIDTH_M:
             continue
-        speed = _find_limit(lane.speeds, first_m - section.begins_m)
+        speed = _find_limit(lane.speeds, max(first_m - section.begins_m, 0.0))
         if speed is None and not use.is_walked:
             speed = _find_limit(road.speeds, first_m)
         left, right = points[:, index], points[:, index + 1]
@@ -113,7 +134,7 @@ def _place_stations(road: Road, section: LaneSection, first_m: float, last_m: fl
 def _compute_borders(road: Road, section: LaneSection, stations: Values) -> Values:
     """Compute the borders (n, k + 1) of k lanes from left to right, as distances to the left."""
     middle = evaluate_piece(road.lane_offset, stations, float(stations[-1]) - MIN_LENGTH_M)
-    along_m = stations - section.begins_m
+    along_m = np.maximum(stations - section.begins_m, 0.0)
     left, right = [middle], [middle]
     for lane_id in sorted(section.lanes, key=abs):
         borders, side = (left, 1.0) if lane_id > 0 else (right, -1.0)

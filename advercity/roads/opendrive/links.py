@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from advercity.geometry.polyline import Points
-from advercity.roads.opendrive.document import Contact, OpenDriveMap, Road
+from advercity.roads.opendrive.document import CONTACTS, Contact, OpenDriveMap, Road
 from advercity.roads.opendrive.lanes import Stretch
 from advercity.roads.plain_edges import PlainLane
 
@@ -61,7 +61,7 @@ class StretchIndex:
                 yield self.link(StretchEnd(first, "end"), StretchEnd(second, "start"))
         seen: set[frozenset[StretchEnd]] = set()
         for road in roads:
-            for contact in ("start", "end"):
+            for contact in CONTACTS:
                 link = road.get_link(contact)
                 if link is None or link.element_type != "road":
                     continue
@@ -153,7 +153,7 @@ def list_arm_junctions(document: OpenDriveMap, index: StretchIndex) -> Mapping[S
 
 
 def _list_junctions(road: Road, document: OpenDriveMap) -> Iterator[tuple[Contact, str]]:
-    for contact in ("start", "end"):
+    for contact in CONTACTS:
         link = road.get_link(contact)
         if link and link.element_type == "junction" and link.id in document.junctions:
             yield contact, link.id

@@ -10,9 +10,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from advercity.geometry.polyline import Points, simplify_together
+from advercity.geometry.polyline import Points, left_normals, polyline_length, simplify_together
+from advercity.roads.map_plan import LaneLines, LaneLink
 from advercity.roads.opendrive.document import OpenDriveMap
 from advercity.roads.opendrive.reference_line import sample_offset_points
 from advercity.roads.opendrive.topology import (
@@ -26,11 +28,16 @@ from advercity.roads.plain_edges import (
     add_edge,
     add_node,
     build_connections,
+    build_lane_lines,
     list_lane_lines,
 )
 from advercity.roads.plain_network import PlainNetwork
 
 PLAIN_ID = re.compile(r"[A-Za-z0-9_]{1,40}")
+PATH_TOLERANCE_M = 0.01
+"""Largest distance between a border in a junction and its polyline."""
+MIN_PATH_M = 0.1
+"""Shorter ways through junctions have no lane."""
 OUTLINE_TOLERANCE_M = 0.02
 OUTLINE_KINDS = {"driving": "roadway", "shoulder": "roadway", "sidewalk": "sidewalk"}
 """Kinds of outlines by paving of a lane."""
@@ -59,6 +66,7 @@ def build_plain_network(document: OpenDriveMap, extent: BaseGeometry | None) -> 
             for name, edge in topology.edges.items()
             for key, lines in list_lane_lines(name, edge.lanes)
         },
+        paths=dict(_list_path_lines(topology)),
         outlines=list(_list_outlines(document, topology, extent)),
         crosswalks=list(_list_crosswalks(document)),
     )
@@ -118,13 +126,45 @@ def _build_edges(topology: MapTopology, nodes: _Nodes) -> Element:
 
 
 def _list_paths(topology: MapTopology) -> Iterator[tuple[LaneKey, LaneKey, Points | None]]:
-    """List connections between lanes of edges that are within the extent."""
-    paths = [(it.origin, it.target, it.centre if it.road else None) for it in topology.paths]
+    """List connections between lanes of edges that are within the extent, and their middles."""
+    paths = [
+        (it.origin, it.target, None if it.borders is None else it.borders.mean(axis=0))
+        for it in topology.paths
+    ]
     links = [(origin, target, None) for origin, target in topology.list_lane_links()]
     for origin, target, centre in (*paths, *links):
         first, second = (topology.lanes.get((end.stretch, lane)) for end, lane in (origin, target))
         if first is not None and second is not None:
             yield first, second, centre
+
+
+def _list_path_lines(topology: MapTopology) -> Iterator[tuple[LaneLink, LaneLines]]:
+    for path in topology.paths:
+        origin, target = (
+            topology.lanes.get((end.stretch, lane)) for end, lane in (path.origin, path.target)
+        )
+        if path.borders is not None and origin and target:
+            borders = path.borders[:, _find_advancing(path.borders)]
+            left, right = borders[:, simplify_together(list(borders), PATH_TOLERANCE_M)]
+            if polyline_length((left + right) / 2) > MIN_PATH_M:
+                yield (*origin, *target), build_lane_lines(left, right)
+
+
+def _find_advancing(borders: Points) -> NDArray[np.int64]:
+    """Find the points (indices) of borders (2, n, 3) that are ahead of those before.
+
+    Lanes beside a reference line with kinks run back and forth.
+    """
+    left, right = borders[..., :2]
+    ahead, middle = left_normals(right - left), (left + right) / 2
+    kept = [0]
+    for index in range(1, len(middle)):
+        if (middle[index] - middle[kept[-1]]) @ ahead[index] > 0:
+            kept.append(index)
+    last = len(middle) - 1
+    while len(kept) > 1 and (middle[last] - middle[kept[-1]]) @ ahead[last] <= 0:
+        kept.pop()
+    return np.array(kept if kept[-1] == last else [*kept, last])
 
 
 def _list_outlines(

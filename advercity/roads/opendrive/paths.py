@@ -1,16 +1,24 @@
 """Ways through junctions, lane by lane: over connecting roads, or directly from road to road."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from advercity.geometry.polyline import Points
-from advercity.roads.opendrive.document import Connection, Junction, OpenDriveMap
+from advercity.roads.opendrive.document import (
+    CONTACTS,
+    Connection,
+    Contact,
+    Junction,
+    OpenDriveMap,
+    RoadLink,
+)
 from advercity.roads.opendrive.links import StretchEnd, StretchIndex, leads_out
 
 LaneEnd = tuple[StretchEnd, int]
 """A lane at one end of a stretch, by its id there."""
+LanePairs = tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,14 +30,14 @@ class JunctionPath:
         road: Id of the connecting road; empty where the roads touch.
         origin: The lane that it leaves.
         target: The lane that it enters.
-        centre: (n, 3) its middle; two equal points where the roads touch.
+        borders: (2, n, 3) its left and right border; None where the roads touch.
     """
 
     junction: str
     road: str
     origin: LaneEnd
     target: LaneEnd
-    centre: Points
+    borders: Points | None
 
 
 class PathFinder:
@@ -61,13 +69,12 @@ class PathFinder:
             if not all(self._is_driven(end) for end in ends):
                 continue
             origin, entered = ends if leads_out(*ends[0]) else ends[::-1]
-            touch = np.stack([self._middle(origin)[-1], self._middle(entered)[0]])
-            yield JunctionPath(junction.id, "", origin, entered, touch)
+            yield JunctionPath(junction.id, "", origin, entered, None)
 
     def _list_connecting(
         self, junction: Junction, connection: Connection
     ) -> Iterator[JunctionPath]:
-        near = self._index.find_end(connection.road, connection.contact)
+        near = self._find_near(connection)
         arm = None if near is None else self._find_arm(junction, connection, near)
         if near is None or arm is None:
             return
@@ -77,65 +84,115 @@ class PathFinder:
         for outer, inner in links:
             if not (self._is_driven((arm, outer)) and self._is_driven((near, inner))):
                 continue
-            for far, centre in self._trace((near, inner)):
-                ends = ((arm, outer), far)
-                origin, target = ends if leads_out(arm, outer) else ends[::-1]
-                line = centre if leads_out(arm, outer) else centre[::-1]
+            for far, borders in self._trace((near, inner)):
+                leaves = leads_out(arm, outer)
+                origin, target = ((arm, outer), far) if leaves else (far, (arm, outer))
+                line = borders if leaves else borders[::-1, ::-1]
                 if self._is_driven(far) and leads_out(*origin) != leads_out(*target):
                     yield JunctionPath(junction.id, connection.road, origin, target, line)
+
+    def _find_near(self, connection: Connection) -> StretchEnd | None:
+        """Find the end of a connecting road that the incoming road leads to.
+
+        Links say it where a contact point contradicts them.
+        """
+        road = self._document.roads.get(connection.road)
+        if road is None:
+            return None
+        linked: list[Contact] = [
+            contact
+            for contact in CONTACTS
+            if (link := road.get_link(contact)) and link.id == connection.incoming_road
+        ]
+        contact = linked[0] if len(linked) == 1 else connection.contact
+        return self._index.find_end(connection.road, contact)
 
     def _find_arm(
         self, junction: Junction, connection: Connection, near: StretchEnd
     ) -> StretchEnd | None:
         """Find the end of the incoming road that leads to the junction."""
-        road = self._index.stretches[near.stretch].road
-        link = road.get_link(connection.contact)
+        link = self._index.stretches[near.stretch].road.get_link(near.contact)
         if link is not None and link.id == connection.incoming_road and not connection.is_direct:
-            return self._index.find_end(link.id, link.contact)
-        incoming = self._document.roads.get(connection.incoming_road)
-        if incoming is None:
-            return None
-        ends: list[StretchEnd] = []
-        for contact in ("start", "end"):
-            found = incoming.get_link(contact)
-            end = self._index.find_end(incoming.id, contact)
-            if end is not None and found is not None and found.id == junction.id:
-                ends.append(end)
+            return self._find_linked(link, junction.id, near)
+        return self._find_nearest(self._list_arms(junction.id, connection.incoming_road), near)
+
+    def _find_linked(self, link: RoadLink, junction: str, near: StretchEnd) -> StretchEnd | None:
+        """Find the end of a road that an end in a junction is linked to.
+
+        Where both ends may be meant, or the contact point contradicts the road, it is the nearest.
+        """
+        arms = self._list_arms(junction, link.id)
+        if len(arms) == 1:
+            return arms[0]
+        # The end that is said comes first.
+        said = self._index.find_end(link.id, link.contact)
+        other = self._index.find_end(link.id, "end" if link.contact == "start" else "start")
+        return self._find_nearest(arms or [end for end in (said, other) if end], near)
+
+    def _list_arms(self, junction: str, road: str) -> list[StretchEnd]:
+        """List the ends of a road that lead to a junction."""
+        found = self._document.roads.get(road)
+        ends = [
+            self._index.find_end(road, contact)
+            for contact in CONTACTS
+            if found and (link := found.get_link(contact)) and link.id == junction
+        ]
+        return [end for end in ends if end is not None]
+
+    def _find_nearest(self, ends: Sequence[StretchEnd], near: StretchEnd) -> StretchEnd | None:
+        """Find the end that is nearest to another; the first of those at one place."""
         places = [np.linalg.norm(self._place(end) - self._place(near)) for end in ends]
-        return ends[int(np.argmin(places))] if ends else None
+        return ends[int(np.argmin(np.floor(places)))] if ends else None
 
     def _trace(self, start: LaneEnd) -> Iterator[tuple[LaneEnd, Points]]:
         """Follow a lane of a connecting road to the lanes behind its other end.
 
-        Yields those lanes, and the middle of the path (n, 3) from the start.
+        Yields those lanes, and the borders of the path (2, n, 3) from the start.
         """
-        pending: list[tuple[LaneEnd, list[Points], int]] = [(start, [], 0)]
+        pending: list[tuple[LaneEnd, list[Points]]] = [(start, [])]
+        seen = {start}
         while pending:
-            (end, lane), lines, depth = pending.pop()
-            middle = self._middle((end, lane))
-            lines = [*lines, middle if end.contact == "start" else middle[::-1]]
-            far = end.opposite
-            for following in self._list_following(far):
-                inside = self._is_connecting(following)
-                for one, other in self._index.link(far, following, is_mutual=inside).lanes:
+            (end, lane), lines = pending.pop()
+            lines = [*lines, self._borders((end, lane))]
+            for following, pairs in self._list_following(end.opposite):
+                for one, other in pairs:
                     if one != lane:
                         continue
-                    if not inside:
-                        yield (following, other), np.concatenate(lines)
-                    elif depth < len(self._index.stretches):
-                        pending.append(((following, other), lines, depth + 1))
+                    if not self._is_connecting(following):
+                        yield (following, other), np.concatenate(lines, axis=1)
+                    elif (following, other) not in seen and self._is_driven((following, other)):
+                        seen.add((following, other))
+                        pending.append(((following, other), lines))
 
-    def _list_following(self, end: StretchEnd) -> Iterator[StretchEnd]:
-        """List the ends that a connecting road's end touches."""
+    def _list_following(self, end: StretchEnd) -> Iterator[tuple[StretchEnd, LanePairs]]:
+        """List the ends that a connecting road's end touches, and the lanes that go on there."""
         stretch = self._index.stretches[end.stretch]
         if self._index.find_end(stretch.road.id, end.contact) != end:
             step, contact = (1, "start") if end.contact == "end" else (-1, "end")
-            yield StretchEnd(end.stretch + step, contact)
+            following = StretchEnd(end.stretch + step, contact)
+            yield following, self._index.link(end, following).lanes
             return
         link = stretch.road.get_link(end.contact)
-        found = None if link is None else self._index.find_end(link.id, link.contact)
-        if found is not None and link is not None and link.element_type == "road":
-            yield found
+        if link is None:
+            return
+        if link.element_type == "junction":
+            # Two junctions touch: the next one says what a lane of this one leads into.
+            for connection in self._list_entered(link.id, stretch.road.id):
+                near = self._find_near(connection)
+                if near is not None:
+                    yield near, connection.lane_links or self._index.link(end, near).lanes
+            return
+        found = self._find_linked(link, stretch.road.junction, end)
+        if found is not None:
+            inside = self._is_connecting(found)
+            yield found, self._index.link(end, found, is_mutual=inside).lanes
+
+    def _list_entered(self, junction: str, road: str) -> Iterator[Connection]:
+        """List the connections of a junction that a road leads into."""
+        found = self._document.junctions.get(junction)
+        for connection in () if found is None else found.connections:
+            if connection.incoming_road == road and not connection.is_direct:
+                yield connection
 
     def _is_connecting(self, end: StretchEnd) -> bool:
         return self._document.is_connecting(self._index.stretches[end.stretch].road)
@@ -144,10 +201,12 @@ class PathFinder:
         ribbon = self._index.stretches[lane[0].stretch].ribbons.get(lane[1])
         return ribbon is not None and not (ribbon.use.is_closed or ribbon.use.is_walked)
 
-    def _middle(self, lane: LaneEnd) -> Points:
-        """Compute the middle (n, 3) of a lane in the direction of stations."""
-        ribbon = self._index.stretches[lane[0].stretch].ribbons[lane[1]]
-        return (ribbon.left + ribbon.right) / 2
+    def _borders(self, lane: LaneEnd) -> Points:
+        """Return the left and right border (2, n, 3) of a lane, from this end of it."""
+        end, name = lane
+        ribbon = self._index.stretches[end.stretch].ribbons[name]
+        borders = np.stack([ribbon.left, ribbon.right])
+        return borders if end.contact == "start" else borders[::-1, ::-1]
 
     def _place(self, end: StretchEnd) -> Points:
         """Compute the middle (2,) of the lanes at an end."""
