@@ -200,6 +200,7 @@ STATE_DTYPE = np.dtype(
         ("z", "<f8"),
         ("yaw", "<f8"),
         ("pitch", "<f8"),
+        ("roll", "<f8"),
         ("vx", "<f8"),
         ("vy", "<f8"),
         ("vz", "<f8"),
@@ -208,6 +209,7 @@ STATE_DTYPE = np.dtype(
         ("az", "<f8"),
         ("yaw_rate", "<f8"),
         ("pitch_rate", "<f8"),
+        ("roll_rate", "<f8"),
         ("speed", "<f8"),
         ("acceleration", "<f8"),
         ("steering", "<f8"),
@@ -215,13 +217,15 @@ STATE_DTYPE = np.dtype(
         ("lamps", "<u1"),
     ]
 )
-"""A row of a trace: kept tick, index into `Trace.actors`, world position in m, yaw and pitch in
-rad, velocity in m/s, acceleration in m/s², rates of yaw and pitch in rad/s, speed in m/s,
+"""A row of a trace: kept tick, index into `Trace.actors`, world position in m, yaw, pitch and roll
+in rad, velocity in m/s, acceleration in m/s², rates of yaw, pitch and roll in rad/s, speed in m/s,
 acceleration along the body in m/s², steering in rad, distance travelled in m, and `Lamp` bits.
-Velocity, acceleration and rates are derivatives of position, yaw and pitch; speed is the magnitude
+Velocity, acceleration and rates are derivatives of position and angles; speed is the magnitude
 of velocity. Names and order are those of the columns in the file."""
 
 STATE_COLUMNS = tuple(STATE_DTYPE.names or ())
+ROLL_COLUMNS = ("roll", "roll_rate")
+"""Columns that a file lacks where all bodies are upright."""
 
 
 @dataclass(frozen=True)
@@ -281,7 +285,10 @@ class Trace:
         return ActorState(
             actor=self.actors[int(row["actor"])],
             world_from_body=pose_matrix(
-                (row["x"], row["y"], row["z"]), yaw=float(row["yaw"]), pitch=float(row["pitch"])
+                (row["x"], row["y"], row["z"]),
+                yaw=float(row["yaw"]),
+                pitch=float(row["pitch"]),
+                roll=float(row["roll"]),
             ),
             speed_m_s=float(row["speed"]),
             acceleration_m_s2=float(row["acceleration"]),
@@ -305,11 +312,13 @@ class Trace:
             np.savez_compressed(stream, allow_pickle=False, **self._columns())
 
     def _columns(self) -> dict[str, NDArray[np.generic]]:
-        # Without trailers there is no column of them, so that the checksum is that of earlier
-        # versions.
+        # Without trailers and roll there are no columns of them, so that the checksum is that of
+        # earlier versions.
         names = [item.name for item in fields(Actor)]
         if not any(actor.towed_by for actor in self.actors):
             names.remove("towed_by")
+        leans = any(self.states[name].any() for name in ROLL_COLUMNS)
+        columns = [name for name in STATE_COLUMNS if leans or name not in ROLL_COLUMNS]
         table = {
             f"actor_{name}": np.array([getattr(actor, name) for actor in self.actors])
             for name in names
@@ -317,7 +326,7 @@ class Trace:
         return {
             "tick_s": np.array(self.tick_s),
             "first_tick": np.array(self.first_tick),
-            **{f"state_{name}": self.states[name] for name in STATE_COLUMNS},
+            **{f"state_{name}": self.states[name] for name in columns},
             "signal_ids": np.array(self.signal_ids, dtype=np.str_),
             "signals": self.signals,
             **table,
@@ -333,6 +342,8 @@ class Trace:
         columns = load_arrays(path, max_bytes=MAX_TRACE_BYTES)
         try:
             columns.setdefault("actor_towed_by", np.zeros_like(columns["actor_id"]))
+            for name in ROLL_COLUMNS:
+                columns.setdefault(f"state_{name}", np.zeros_like(columns["state_pitch"]))
             _check_columns(columns)
             trace = _build_trace(columns)
             _check_trace(trace)
@@ -415,12 +426,18 @@ def _check_trace(trace: Trace) -> None:
 
 
 def _build_motion(row: NDArray[np.void]) -> BodyMotion:
-    pitch, yaw_rate = row["pitch"], row["yaw_rate"]
+    pitch, roll = row["pitch"], row["roll"]
+    # About the axes of the body before it is rolled.
+    level_rate, upright_rate = row["pitch_rate"], row["yaw_rate"] * np.cos(pitch)
     return BodyMotion(
         velocity=np.array([row["vx"], row["vy"], row["vz"]]),
         acceleration=np.array([row["ax"], row["ay"], row["az"]]),
         angular_rate=np.array(
-            [-yaw_rate * np.sin(pitch), row["pitch_rate"], yaw_rate * np.cos(pitch)]
+            [
+                row["roll_rate"] - row["yaw_rate"] * np.sin(pitch),
+                level_rate * np.cos(roll) + upright_rate * np.sin(roll),
+                upright_rate * np.cos(roll) - level_rate * np.sin(roll),
+            ]
         ),
     )
 

@@ -9,15 +9,23 @@ import pytest
 
 from advercity.errors import RunError
 from advercity.frames import STATE_DTYPE, Actor, Lamp, Signal, Trace, extract_planned_trajectory
+from advercity.geometry.poses import rotation_matrix
 
 CAR = Actor(101, "car", "sedan", "car_paint_blue", (4.5, 1.8, 1.5))
 WALKER = Actor(5001, "pedestrian", "adult", "cloth_dark", (0.4, 0.4, 1.8))
 BICYCLE = Actor(1001, "bicycle", "roadster", "car_paint_red", (1.8, 0.6, 1.7))
 
 
-def row(tick: int, actor: int, x: float, speed: float = 10.0, lamps: int = 0):
-    pose = x, 2.0, 0.5, np.pi / 2, 0.1
-    motion = 0.0, speed, 0.0, 0.3, 0.6, 0.9, 0.2, 0.4, speed, 0.0
+def row(
+    tick: int,
+    actor: int,
+    x: float,
+    speed: float = 10.0,
+    lamps: int = 0,
+    roll: tuple[float, float] = (0.0, 0.0),
+):
+    pose = x, 2.0, 0.5, np.pi / 2, 0.1, roll[0]
+    motion = 0.0, speed, 0.0, 0.3, 0.6, 0.9, 0.2, 0.4, roll[1], speed, 0.0
     return (tick, actor, *pose, *motion, 0.05, 12.0, lamps)
 
 
@@ -47,6 +55,27 @@ def test_a_state_is_posed_nose_down_for_positive_pitch():
 
     np.testing.assert_allclose(pose[:3, 3], [7.0, 2.0, 0.5])
     np.testing.assert_allclose(pose[:3, 0], [0, np.cos(0.1), -np.sin(0.1)], atol=1e-12)
+
+
+@pytest.mark.parametrize("roll", [(0.08, 0.05), (-0.12, 0.0), (0.0, -0.3)])
+def test_a_rolled_state_turns_as_its_angles_change(roll: tuple[float, float], tmp_path: Path):
+    trace = trace_of(row(0, 0, 7.0, roll=roll))
+    trace.save(tmp_path / "trace.npz")
+    state = Trace.load(tmp_path / "trace.npz").build_frame(0).get_state(101)
+
+    later = state.advance(0.001).world_from_body
+    angles = {"yaw": np.pi / 2 + 0.0002, "pitch": 0.1004, "roll": roll[0] + 0.001 * roll[1]}
+
+    # A positive roll lifts the left side.
+    assert np.sign(state.world_from_body[2, 1]) == np.sign(roll[0])
+    np.testing.assert_allclose(later[:3, :3], rotation_matrix(**angles), atol=1e-6)
+
+
+def test_upright_traces_have_the_columns_of_earlier_versions(tmp_path: Path):
+    trace_of(row(0, 0, 7.0)).save(tmp_path / "trace.npz")
+
+    with np.load(tmp_path / "trace.npz") as stored:
+        assert not {"state_roll", "state_roll_rate"} & {*stored}
 
 
 def test_a_state_has_the_derivatives_of_its_pose():

@@ -309,8 +309,8 @@ def list_reference_points(
     """List x, y, z, heading, pitch and roll of an actor's reference point, tick by tick."""
     behind = np.array([-measure_reference(actor, blueprints)[0], 0.0, 0.0])
     for row in track:
-        yaw, pitch = float(row["yaw"]), float(row["pitch"])
-        pose = pose_matrix((row["x"], row["y"], row["z"]), yaw=yaw, pitch=pitch)
+        yaw, pitch, roll = (float(row[name]) for name in ("yaw", "pitch", "roll"))
+        pose = pose_matrix((row["x"], row["y"], row["z"]), yaw=yaw, pitch=pitch, roll=roll)
         point = transform_points(pose, behind[None])[0]
         heading = math.remainder(yaw, math.tau)
-        yield [round(value, 6) for value in (*point.tolist(), heading, pitch, 0.0)]
+        yield [round(value, 6) for value in (*point.tolist(), heading, pitch, roll)]

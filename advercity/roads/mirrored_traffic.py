@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from advercity.frames import ActorState, Lamp, Trace
 from advercity.geometry.poses import mirror_pose
 
-_NEGATED = ("y", "yaw", "vy", "ay", "yaw_rate", "steering")
+_NEGATED = ("y", "yaw", "vy", "ay", "yaw_rate", "roll", "roll_rate", "steering")
 """Columns of a trace's states that change their sign in a mirror at the x axis."""
 
 

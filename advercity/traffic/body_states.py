@@ -41,12 +41,14 @@ class BodyCurves:
         height: (3, n) the same of its height.
         yaw: (2, n) yaw in rad and its rate.
         pitch: (2, n) pitch in rad and its rate.
+        roll: (2, n) roll in rad and its rate.
     """
 
     plan: NDArray[np.complex128]
     height: NDArray[np.float64]
     yaw: NDArray[np.float64]
     pitch: NDArray[np.float64]
+    roll: NDArray[np.float64]
 
 
 def build_states(
@@ -60,6 +62,7 @@ def build_states(
             states[name] = column
     states["yaw"], states["yaw_rate"] = motion.yaw
     states["pitch"], states["pitch_rate"] = motion.pitch
+    states["roll"], states["roll_rate"] = motion.roll
     places, velocities, accelerations = (
         np.stack([states[name] for name in names]) for names in _MOTION_COLUMNS
     )

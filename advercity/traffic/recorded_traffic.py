@@ -21,6 +21,7 @@ from advercity.recordings.bodies import select_blueprint
 from advercity.recordings.track_file import unpack_tracks
 from advercity.recordings.tracks import Track
 from advercity.roads.network_file import read_network
+from advercity.traffic.banking import Lean, build_lean, stay_upright
 from advercity.traffic.body_states import (
     BodyCurves,
     apply_brake_lamps,
@@ -61,6 +62,7 @@ def build_recorded_trace(spec: Spec, recorded: TrajectorySet, network: Path) -> 
     times_s = recorded.from_s + since_s
     tracks = unpack_tracks(recorded)
     ground, kerb = build_ground_height(network), build_kerb_height(spec.road)
+    lean = build_lean(spec.road, tick_s)
     actors, states = list[Actor](), list[NDArray[np.void]]()
     for actor, track in sorted(_cast_actors(spec, tracks), key=lambda item: item[0].id):
         present = np.flatnonzero(
@@ -71,9 +73,11 @@ def build_recorded_trace(spec: Spec, recorded: TrajectorySet, network: Path) -> 
             continue
         compute = partial(_compute_states, track, present, times_s[present], tick_s=tick_s)
         if actor.actor_class == "pedestrian":
-            rows = compute(wheelbase_m=0.0, height=lambda at: ground(at) + kerb(at))
+            rows = compute(
+                wheelbase_m=0.0, height=lambda at: ground(at) + kerb(at), lean=stay_upright
+            )
         else:
-            rows = compute(wheelbase_m=WHEELBASE_FRACTION * actor.size[0], height=ground)
+            rows = compute(wheelbase_m=WHEELBASE_FRACTION * actor.size[0], height=ground, lean=lean)
             if actor.actor_class != "bicycle":
                 apply_brake_lamps(rows)
         rows["actor"] = len(actors)
@@ -135,6 +139,7 @@ def _compute_states(
     tick_s: float,
     wheelbase_m: float,
     height: GroundHeight,
+    lean: Lean,
 ) -> NDArray[np.void]:
     """Compute the states (n,) of a track at ticks (n,), of which the times are (n,)."""
     resample = partial(interpolate_smoothly, track.times_s, at_s=times_s)
@@ -149,8 +154,9 @@ def _compute_states(
         height=(front + rear) / 2,
         yaw=yaw[:2],
         pitch=-np.stack([compute_headings(1 + 1j * climb), climb_rate / (1 + climb**2)]),
+        roll=np.zeros((2, len(ticks))),
     )
-    states = build_states(ticks, np.zeros(len(ticks), np.uint8), curves)
+    states = build_states(ticks, np.zeros(len(ticks), np.uint8), lean(curves))
     if wheelbase_m:
         states["steering"] = compute_steering(plan[1] + 1j * yaw[1] * half, directions)
     return states

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from advercity.errors import RunError
 from advercity.frames import Actor, Trace
+from advercity.traffic.banking import build_lean
 from advercity.traffic.body_states import round_states
 from advercity.traffic.demand import TrafficDemand
 from advercity.traffic.vehicle_motion import compute_lorry_states, compute_vehicle_states
@@ -85,7 +86,7 @@ def _compute_bodies(
     spec: Spec, demand: TrafficDemand, recording: SumoRecording, actors: Mapping[int, Actor]
 ) -> None:
     """Add the bodies that a recording lacks: traces of several first ticks have the same."""
-    kerb_height = build_kerb_height(spec.road)
+    kerb_height, lean = build_kerb_height(spec.road), build_lean(spec.road, spec.timing.tick_s)
     speeds = {trip.actor.id: trip.speed_m_s for trip in demand.walkers}
     lorries = {trip.actor.id: trip for trip in demand.vehicles if trip.trailer}
     for number in recording.tracks.keys() - recording.bodies.keys():
@@ -110,9 +111,12 @@ def _compute_bodies(
                 trailer,
                 tick_s=spec.timing.tick_s,
                 trailer_heading_rad=lorries[number].trailer_heading_rad,
+                lean=lean,
             )
         else:
-            rows = compute_vehicle_states(track, actor.size[0], tick_s=spec.timing.tick_s)
+            rows = compute_vehicle_states(
+                track, actor.size[0], tick_s=spec.timing.tick_s, lean=lean
+            )
             if actor.actor_class == "bicycle":
                 rows["lamps"] = 0
         recording.bodies[number] = rows

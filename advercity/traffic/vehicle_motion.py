@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from advercity.frames import WHEELBASE_FRACTION
 from advercity.geometry.plane import compute_headings, compute_lengths
+from advercity.traffic.banking import Lean, stay_upright
 from advercity.traffic.body_states import (
     CATCH_UP_FACTOR,
     BodyCurves,
@@ -97,6 +98,7 @@ class _PulledBody:
             height=self.find_height_behind(back_m),
             yaw=np.stack([np.unwrap(compute_headings(self.directions)), self.turning[0]]),
             pitch=-np.stack([compute_headings(1 + 1j * climb), climb_rate / (1 + climb**2)]),
+            roll=np.zeros((2, len(self.directions))),
         )
 
 
@@ -105,6 +107,7 @@ def compute_vehicle_states(
     length_m: float,
     *,
     tick_s: float,
+    lean: Lean = stay_upright,
 ) -> NDArray[np.void]:
     """Compute the states of one vehicle from its fronts, both sorted by tick.
 
@@ -117,12 +120,13 @@ def compute_vehicle_states(
         track: (n,) of `FRONT_DTYPE`; of yaw and slope only the first row counts.
         length_m: Length of the body.
         tick_s: Length of a tick.
+        lean: Rolls it with the road.
 
     Returns:
         (n,) of `STATE_DTYPE`, with `actor` left at 0.
     """
     body, _ = _pull_vehicle(track, length_m, tick_s)
-    return _build_vehicle_states(track, body)
+    return _build_vehicle_states(track, body, lean)
 
 
 def compute_lorry_states(
@@ -132,6 +136,7 @@ def compute_lorry_states(
     *,
     tick_s: float,
     trailer_heading_rad: float,
+    lean: Lean = stay_upright,
 ) -> tuple[NDArray[np.void], NDArray[np.void]]:
     """Compute the states of a tractor unit and its semi-trailer from the fronts of the lorry.
 
@@ -146,6 +151,7 @@ def compute_lorry_states(
         trailer: The semi-trailer.
         tick_s: Length of a tick.
         trailer_heading_rad: Heading of the semi-trailer at the first tick.
+        lean: Rolls both with the road.
 
     Returns:
         (n,) and (n,) of `STATE_DTYPE`, with `actor` left at 0.
@@ -168,8 +174,8 @@ def compute_lorry_states(
     )
     kingpin_m = trailer.actor.size[0] / 2 - trailer.kingpin_m
     motion = towed.compute_motion(pull - towed.compute_arm(kingpin_m), kingpin_m)
-    states = _build_vehicle_states(track, tractor)
-    return states, build_states(track["tick"], states["lamps"], motion)
+    states = _build_vehicle_states(track, tractor, lean)
+    return states, build_states(track["tick"], states["lamps"], lean(motion))
 
 
 def _measure_axles(length_m: float) -> tuple[float, float]:
@@ -178,10 +184,12 @@ def _measure_axles(length_m: float) -> tuple[float, float]:
     return (length_m - wheelbase_m) / 2, wheelbase_m
 
 
-def _build_vehicle_states(track: NDArray[np.void], body: _PulledBody) -> NDArray[np.void]:
+def _build_vehicle_states(
+    track: NDArray[np.void], body: _PulledBody, lean: Lean
+) -> NDArray[np.void]:
     """Build the states of a vehicle, whose origin is between its axles."""
     middle_m = body.wheelbase_m / 2
-    motion = body.compute_motion(body.locate_behind(middle_m), middle_m)
+    motion = lean(body.compute_motion(body.locate_behind(middle_m), middle_m))
     states = build_states(track["tick"], track["lamps"], motion)
     states["steering"] = compute_steering(body.pull[1], body.directions)
     apply_brake_lamps(states)

@@ -65,7 +65,7 @@ def compute_walker_states(
     height = smooth(_find_heights_along(path, track) + kerb_height(plan.values))
     yaw = smooth(_find_walking_headings(path, track, tick_s))
     upright = np.zeros((2, len(track)))
-    motion = BodyCurves(plan.derivatives, height.derivatives, yaw.derivatives[:2], upright)
+    motion = BodyCurves(plan.derivatives, height.derivatives, yaw.derivatives[:2], upright, upright)
     return build_states(track["tick"], track["lamps"], motion)
 
 

@@ -76,10 +76,6 @@ def test_lanes_that_are_not_made_are_listed(kind: str, name: str, tmp_path: Path
         ('<road><objects><object type="tree"/></objects></road>', "1 object that is no crosswalk"),
         ("<header><geoReference>+proj=lcc</geoReference></header>", "1 projection that is not"),
         ('<header><include file="a"/></header>', "1 included file"),
-        (
-            '<road><lateralProfile><superelevation s="0" a="0.1"/></lateralProfile></road>',
-            "1 roll of vehicles by a superelevation",
-        ),
     ],
 )
 def test_parts_that_have_no_effect_are_named(part: str, name: str) -> None:

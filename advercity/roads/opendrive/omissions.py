@@ -9,7 +9,6 @@ from advercity.roads.opendrive.lane_types import LANE_USES
 from advercity.roads.opendrive.parsing import LIGHT_TYPES, SKIPPED_JUNCTIONS
 
 MAX_EXCESS_M = 0.1
-POLYNOMIAL = ("a", "b", "c", "d")
 
 
 def record_omissions(root: Element, ledger: Ledger) -> None:
@@ -34,10 +33,6 @@ def record_omissions(root: Element, ledger: Ledger) -> None:
         if item.get("type") != "crosswalk":
             name = "object that is no crosswalk"
             ledger.leave_out(name, plural="objects that are no crosswalks", at=item)
-    for item in root.iter("superelevation"):
-        if any(_is_not_zero(item.get(name, "0")) for name in POLYNOMIAL):
-            name = "roll of vehicles by a superelevation"
-            ledger.leave_out(name, plural="rolls of vehicles by superelevations", at=item)
     for item in root.iter("geoReference"):
         if (item.text or "").strip() and parse_projection(item.text or "") is None:
             ledger.leave_out("projection that is not transverse Mercator", at=item)
@@ -64,10 +59,3 @@ def _record_lane(lane: Element, ledger: Ledger) -> None:
         ledger.leave_out(f"lane {name}", plural=f"lanes {name}", at=lane)
     elif LANE_USES[kind] is None:
         ledger.leave_out(f"{kind} lane", at=lane)
-
-
-def _is_not_zero(text: str) -> bool:
-    try:
-        return float(text) != 0
-    except ValueError:
-        return True
