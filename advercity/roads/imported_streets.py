@@ -59,6 +59,10 @@ class ImportedStreets:
         return any(program.have_green_together(links.values()) for program in programs.values())
 
 
+RULES = {"priority": "yield", "priority_stop": "stop", "allway_stop": "stop"}
+"""Rules of right of way by SUMO's type of junction."""
+
+
 @lru_cache(maxsize=8)
 def read_imported_streets(packed: str) -> ImportedStreets:
     """Read the streets of a packed network; InputError if it is none."""
@@ -69,7 +73,7 @@ def read_imported_streets(packed: str) -> ImportedStreets:
     return ImportedStreets(
         streets=build_imported_streets(roads),
         movements=_group_movements(roads, links),
-        controls={name: _find_control(item.type) for name, item in roads.junctions.items()},
+        controls=_find_controls(roads),
         signals={
             (approach_name(link.from_edge), approach_name(link.to_edge)): (
                 programs[link.traffic_light],
@@ -95,13 +99,18 @@ def start_with_green(imported: MapNetwork, first: str, second: str) -> MapNetwor
     return imported.model_copy(update={"network": pack_network(net)})
 
 
-def _find_control(junction_type: str) -> str:
-    """Find the rule of right of way of one of SUMO's types of junctions."""
-    if junction_type.startswith("traffic_light"):
-        return "signals"
-    return {"priority": "yield", "priority_stop": "stop", "allway_stop": "stop"}.get(
-        junction_type, "none"
-    )
+def _find_controls(net: ImportedNetwork) -> dict[str, str]:
+    """Find the rule of right of way of every junction by SUMO's type; none where no link yields."""
+    yielded = {
+        net.edges[link.from_edge].to_junction for link in net.lane_links if link.state != "M"
+    }
+    rules = {name: RULES.get(item.type, "none") for name, item in net.junctions.items()}
+    lights = {
+        name: "signals"
+        for name, item in net.junctions.items()
+        if item.type.startswith("traffic_light")
+    }
+    return dict.fromkeys(rules, "none") | {name: rules[name] for name in yielded} | lights
 
 
 def build_imported_streets(network: ImportedNetwork) -> dict[str, StreetLayout]:

@@ -15,7 +15,8 @@ TICK_S, SPEED_M_S = 0.1, 20.0
 def drive(x_m: np.ndarray, y_m: float, yaw: float, pitch: float = 0.0) -> BodyCurves:
     """Move upright along the x axis at the height of a reference line at 0 m."""
     still = np.zeros(len(x_m))
-    plan = np.stack([x_m + 1j * y_m, still + SPEED_M_S * np.exp(1j * yaw), still])
+    moves = [x_m + 1j * y_m, still + SPEED_M_S * np.exp(1j * yaw), still]
+    plan = np.array(moves, dtype=np.complex128)
     return BodyCurves(
         plan=plan,
         height=np.zeros((3, len(x_m))),

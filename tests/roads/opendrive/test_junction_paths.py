@@ -89,6 +89,22 @@ def test_links_and_places_say_what_a_contact_point_contradicts(
     assert list_ways(network) == {("road_1+", "road_2+")}
 
 
+@pytest.mark.parametrize("length_m", [0.0002, 0.0015, 0.009])
+def test_a_road_of_less_than_a_centimetre_links_those_around_it(
+    length_m: float, tmp_path: Path
+) -> None:
+    lanes = section(0.0, lane(-1, "driving", 3.0))
+    links = linked("successor", "road", "9", "start"), linked("predecessor", "road", "9", "end")
+    one = road("1", 50.0, lanes, link=links[0])
+    other = road("2", 50.0, lanes, start=(50.0, 0.0, 0.0), link=links[1])
+    tiny = road("9", length_m, lanes, start=(50.0, 0.0, 0.0), link=BEFORE + AFTER)
+    connections = parse_packed_network(import_text(tmp_path, one, tiny, other).network).connections
+    reached = {"road_1+"}
+    for _ in range(2):
+        reached |= {link.to_edge for link in connections if link.from_edge in reached}
+    assert "road_2+" in reached
+
+
 def test_a_road_that_ends_in_a_junction_is_a_street(tmp_path: Path) -> None:
     junction = build_junction(connection("1", "50", "start", (-1, -1)))
     network = import_text(tmp_path, WEST, build_connecting(ONE_WAY, BEFORE), junction)

@@ -8,6 +8,7 @@ import pytest
 
 from advercity.pipeline.descriptions import describe_road
 from advercity.roads.imported_network import ImportedNetwork
+from advercity.roads.imported_streets import read_imported_streets
 from advercity.roads.network_file import SumoLane, parse_packed_network
 from advercity.roads.road_network import build_road
 from tests.roads.opendrive_maps import cubic, declare, import_text, lane, road, section
@@ -198,6 +199,7 @@ def test_a_direct_junction_splits_a_carriageway(tmp_path: Path) -> None:
         ("road_1+_1", "road_2+_0", "M"),
         ("road_1+_2", "road_2+_1", "M"),
     ]
+    assert read_imported_streets(network.network).controls["j9"] == "none"
 
 
 def test_a_road_ends_where_its_geometry_ends(tmp_path: Path) -> None:
