@@ -259,9 +259,7 @@ def measure_unpaved_part(
     """Measure the part of the area of lanes, in map coordinates, that is off all paving."""
     quads: list[Floats] = []
     for lane in lanes:
-        normal = np.column_stack([-np.sin(lane.heading), np.cos(lane.heading)])
-        middle = lane.centre[:, :2] - offset_m
-        sides = [middle + part * lane.width_m[:, None] * normal for part in (0.5, -0.5)]
+        sides = lane.borders[..., :2] - offset_m
         quads.append(np.stack([sides[0][:-1], sides[0][1:], sides[1][1:], sides[1][:-1]], axis=1))
     areas = shapely.make_valid(shapely.polygons(np.concatenate(quads)))
     roadway = shapely.union_all(areas, grid_size=0.001)

@@ -227,7 +227,7 @@ class LaneSamples:
         type: Its type in the file.
         section: Number of its lane section, from 0.
         s: (n,) distances along the reference line, m.
-        centre: (n, 3) points half way between its borders, m.
+        borders: (2, n, 3) its inner and outer border, m.
         heading: (n,) direction of travel, rad.
         width_m: (n,) distance between its borders.
         speed_limit_m_s: (n,) its limit, NaN where the file has none.
@@ -238,10 +238,15 @@ class LaneSamples:
     type: str
     section: int
     s: Floats
-    centre: Floats
+    borders: Floats
     heading: Floats
     width_m: Floats
     speed_limit_m_s: Floats
+
+    @property
+    def centre(self) -> Floats:
+        """Points (n, 3) half way between its borders, m."""
+        return self.borders.mean(axis=0)
 
 
 class LaneSection:
@@ -286,7 +291,7 @@ class LaneSection:
             type=element.get("type", ""),
             section=self.index,
             s=s[order],
-            centre=(inner + outer)[order] / 2,
+            borders=np.stack([inner[order], outer[order]]),
             heading=np.arctan2(tangent[order, 1], tangent[order, 0]),
             width_m=np.linalg.norm(outer - inner, axis=1)[order],
             speed_limit_m_s=self._speed_limits(element, s)[order],
