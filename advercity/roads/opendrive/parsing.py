@@ -29,13 +29,12 @@ from advercity.roads.opendrive.document import (
     SpeedLimit,
 )
 from advercity.roads.opendrive.profiles import Cubic, Profile
+from advercity.roads.opendrive.short_roads import bridge_short_roads
 
 MAX_ROADS_M = 500_000.0
 """Total length of the roads of a map; a larger one would fill the memory."""
 MIN_GEOMETRY_M = 0.001
 """Shorter geometries, which editors leave between others, may have any curvature."""
-MIN_ROAD_M = 0.02
-"""Length of a shorter road, which only links those around it."""
 MAX_CURVATURE_PER_M = 100.0
 MAX_TURN_RAD = 50.0
 """Largest change of direction of a spiral: eight turns."""
@@ -79,11 +78,13 @@ def parse_opendrive(root: Element) -> OpenDriveMap:
         for item in root.iter("junction")
         if item.get("id") not in skipped
     ]
-    return OpenDriveMap(
+    kept = {road.id: road for road in roads if road.junction not in skipped}
+    document = OpenDriveMap(
         header=_parse_header(root.find("header")),
-        roads={road.id: road for road in roads if road.junction not in skipped},
+        roads=kept,
         junctions={item.id: item for item in junctions},
     )
+    return bridge_short_roads(document)
 
 
 def _parse_header(item: Element | None) -> Header:
@@ -115,13 +116,11 @@ def _parse_road(item: Element, lights: Collection[str]) -> Road:
     geometries = [
         _parse_geometry(piece) for piece in pieces if _number(piece, "length") > MIN_GEOMETRY_M
     ]
-    if not geometries or geometries[-1].begins_m + geometries[-1].length_m < MIN_ROAD_M:
-        geometries = [_parse_point(pieces[0])]
     return Road(
         id=_text(item, "id"),
         name=item.get("name", ""),
         # Beyond its geometry a road is nowhere.
-        length_m=min(max(length_m, MIN_ROAD_M), geometries[-1].begins_m + geometries[-1].length_m),
+        length_m=min(length_m, max((it.begins_m + it.length_m for it in geometries), default=0.0)),
         junction=item.get("junction", "-1"),
         is_left_handed=rule == "LHT",
         predecessor=_parse_link(item.find("link/predecessor")),
@@ -196,17 +195,6 @@ def _parse_geometry(item: Element) -> PlanGeometry:
         shape=found.tag,
         values=values,
         is_normalized=found.get("pRange", "normalized") == "normalized",
-    )
-
-
-def _parse_point(item: Element) -> PlanGeometry:
-    """Parse the first geometry of a road that has hardly any length, as a short line."""
-    return PlanGeometry(
-        begins_m=0.0,
-        start=(_number(item, "x"), _number(item, "y")),
-        heading=_number(item, "hdg"),
-        length_m=MIN_ROAD_M,
-        shape="line",
     )
 
 
