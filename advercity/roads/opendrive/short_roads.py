@@ -1,4 +1,4 @@
-"""Roads of millimetres, which editors leave: those around them are linked to each other."""
+"""Roads of millimetres, which editors leave between others."""
 
 from dataclasses import replace
 
@@ -9,12 +9,8 @@ MIN_ROAD_M = 0.01
 
 
 def bridge_short_roads(document: OpenDriveMap) -> OpenDriveMap:
-    """Remove short roads outside junctions, and link what is before and behind them."""
-    short = {
-        name: road
-        for name, road in document.roads.items()
-        if road.length_m < MIN_ROAD_M and road.junction not in document.junctions
-    }
+    """Remove short roads, and link the roads before and behind them."""
+    short = {name: road for name, road in document.roads.items() if road.length_m < MIN_ROAD_M}
     if not short:
         return document
 
