@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 commands = typer.Typer()
 EXPORT_FORMAT_NAMES = (
+    "adver_city",
     "calibration",
     "coco",
     "croissant",

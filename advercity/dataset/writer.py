@@ -15,8 +15,9 @@ from typing import Self
 from advercity_dsl import Spec
 
 from advercity.atomic_files import move_file, sync_files, write_file
+from advercity.dataset.adver_city_names import build_protocol
 from advercity.dataset.attribution import format_attribution
-from advercity.dataset.formats import FrameFileNames, format_frame_name
+from advercity.dataset.formats import ADVER_CITY, FrameFileNames, format_frame_name
 from advercity.dataset.frame_documents import format_yaml
 from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.opv2v import select_encoder
@@ -60,9 +61,12 @@ SCENARIO_FILES = {PROTOCOL_FILE, ATTRIBUTION_FILE}
 def encode_scenario_files(spec: Spec, identity: Identity) -> dict[str, bytes]:
     """Encode the files that belong to no frame, by path.
 
-    These are the spec as YAML, and the attribution of models and photographs if it shows any.
+    These are the spec as YAML, in the original's layout with keys that its tools look for, and the
+    attribution of models and photographs if it shows any.
     """
-    files = {PROTOCOL_FILE: format_yaml(spec.model_dump(mode="json"))}
+    as_original = identity.format == ADVER_CITY.name
+    document = build_protocol(spec) if as_original else spec.model_dump(mode="json")
+    files = {PROTOCOL_FILE: format_yaml(document)}
     attribution = format_attribution(spec, identity)
     if attribution:
         files[ATTRIBUTION_FILE] = attribution.encode()

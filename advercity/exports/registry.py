@@ -57,6 +57,7 @@ class ExportFormat:
 EXPORT_FORMATS = {
     one.name: one
     for one in (
+        ExportFormat("adver_city", "adver_city"),
         ExportFormat("calibration", "calibration"),
         ExportFormat("coco", "coco"),
         ExportFormat("croissant", "croissant"),
