@@ -12,6 +12,7 @@ from advercity_dsl import Road
 
 from advercity.errors import RunError
 from advercity.exports.mirrored_opendrive import mirror_opendrive
+from advercity.exports.tidy_opendrive import tidy_road
 from advercity.foreign.xml_documents import parse_xml, to_xml_bytes
 from advercity.roads.sumo_network import run_netconvert
 
@@ -44,6 +45,8 @@ def format_site(road: Road, network: Path) -> bytes:
                 f"{road.id}: netconvert cannot write OpenDRIVE: {outcome.messages[:300]}"
             )
         root = parse_xml(written.read_bytes())
+    for street in root.iter("road"):
+        tidy_road(street)
     if road.is_left_hand:
         mirror_opendrive(root)
     header = root.find("header")
