@@ -72,7 +72,9 @@ def complete_description(found: Mapping[str, Any], *, number: int) -> dict[str, 
 
 def count_sensors(description: Mapping[str, Any], kind: str) -> int:
     """Count the sensors of a kind in a frame: cameraN, lidarN_pose, radarN_pose, thermalN."""
-    return sum(re.fullmatch(rf"{kind}\d*(_pose)?", key) is not None for key in description)
+    return sum(
+        re.fullmatch(rf"{kind}\d*(_pose)?", key) is not None for key in map(str, description)
+    )
 
 
 def audit_description(found: Mapping[str, Any], ledger: Ledger) -> None:

@@ -231,6 +231,14 @@ def test_damaged_descriptions_are_refused_by_file(folder: Path, content: str, me
         _ = view.boxes, view.points, view.world_from_lidar
 
 
+def test_keys_that_are_no_texts_do_not_matter(folder: Path) -> None:
+    path = folder / "2021_08_16_22_26_54" / "641"
+    file = path / "000068.yaml"
+    file.write_text(f"3: 1.0\n{file.read_text()}")
+    view = open_first(folder)[0]["641"]
+    assert (view.cameras, view.lidars) == (1, 1)
+
+
 def test_folders_without_agents_say_what_is_missing(tmp_path: Path, folder: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="not in the layout opv2v: no scenario with agents"):
