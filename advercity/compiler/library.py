@@ -60,6 +60,7 @@ DeclarationT = TypeVar("DeclarationT", bound=Declaration)
 NO_DECLARATIONS = (EXAMPLES_FOLDER, CALIBRATIONS_FOLDER)
 """Folders whose files are not of the library."""
 MAX_FILES = 10_000
+LINK_OUT, LINK_OUT_HINT = "is a link out of the library", "put the file itself in its place"
 GLB_MAGIC = b"glTF"
 
 
@@ -263,12 +264,15 @@ def _list_declaration_files(folder: Path, diagnostics: list[Diagnostic]) -> list
     inside = sorted(
         path for path in _walk_folder(folder, diagnostics) if path.suffix in (".yaml", ".yml")
     )
+    # A message about such a file would show lines of what the link leads to.
+    outside = {path for path in inside if not path.resolve().is_relative_to(folder.resolve())}
+    diagnostics += [Diagnostic(path, 0, 0, "", LINK_OUT, LINK_OUT_HINT) for path in outside]
     # Reported rather than skipped: a declaration that is silently missing is hard to find.
     for path in inside:
         if path.suffix == ".yml":
             hint = f"rename it to {path.with_suffix('.yaml').name}"
             diagnostics.append(Diagnostic(path, 0, 0, "", "declarations end in .yaml", hint))
-    paths = [path for path in inside if path.suffix == ".yaml"]
+    paths = [path for path in inside if path.suffix == ".yaml" and path not in outside]
     if not paths and not diagnostics:
         raise InputError(f"{folder}: no declarations (*.yaml) here; is it a library folder?")
     return paths

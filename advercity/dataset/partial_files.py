@@ -264,6 +264,18 @@ def remove_idle_staging_folder(scenario: Path) -> None:
         )
 
 
+def remove_empty_staging_folder(scenario: Path) -> None:
+    """Delete the staging folder of a scenario if a run was killed just before it did so.
+
+    Loaders of OPV2V take it for a scenario.
+    """
+    staging = find_staging_folder(scenario)
+    is_idle = all(path.is_dir() or path.name == "lock" for path in staging.rglob("*"))
+    if staging.parent.is_dir() and is_idle:
+        with lock_scenario(scenario):
+            """The end of this block deletes the folder."""
+
+
 def remove_staging_folder(scenario: Path) -> None:
     """Delete the staging folder of a scenario, and the dataset's if no other scenario is in it."""
     staging = find_staging_folder(scenario)

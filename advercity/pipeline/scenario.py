@@ -15,7 +15,13 @@ from advercity_dsl import Spec
 from pydantic import TypeAdapter
 
 from advercity.dataset.manifest import Identity, Manifest
-from advercity.dataset.partial_files import find_staging_folder, lock_file, lock_scenario
+from advercity.dataset.partial_files import (
+    find_staging_folder,
+    is_being_written,
+    lock_file,
+    lock_scenario,
+    remove_empty_staging_folder,
+)
 from advercity.dataset.reader import Scenario
 from advercity.dataset.scenario_folders import find_scenarios
 from advercity.dataset.verification import (
@@ -251,6 +257,8 @@ def repair_dataset(dataset: Path, report: ProgressCallback = ignore_progress) ->
         problems = verify_scenario(scenario)
         is_damaged = any(problem.is_damage for problem in problems)
         left += _repair_scenario(scenario, problems, report) if is_damaged else problems
+        if not is_damaged and not is_being_written(scenario):
+            remove_empty_staging_folder(scenario)
     return left
 
 

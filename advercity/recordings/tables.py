@@ -176,6 +176,7 @@ def parse_csv(
     places = [head.index(name) for name in wanted]
     columns: list[list[str]] = [[] for _ in wanted]
     numbers: list[int] = []
+    ended = 0
     try:
         next(reader)
         ended = reader.line_num
@@ -196,8 +197,11 @@ def parse_csv(
             for column, place in zip(columns, places, strict=True):
                 column.append(row[place].strip())
     except csv.Error as error:
-        place = reader.line_num, 1
-        raise DiagnosticsError(Diagnostic(path, *place, "", f"is not CSV: {error}")) from None
+        # A quote that is not closed takes the lines below it for one value.
+        line = lines[ended].rstrip()
+        place = ended + 1, line.rfind('"') + 1 if line.count('"') % 2 else 1
+        message = f"is not CSV: {error}"
+        raise DiagnosticsError(Diagnostic(path, *place, "", message, "", line)) from None
     return _check_rows(Table(path, dict(zip(wanted, columns, strict=True)), head, numbers, text))
 
 

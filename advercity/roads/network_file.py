@@ -22,6 +22,8 @@ from advercity.geometry.polyline import Points, StationedPolyline, offset_polyli
 from advercity.roads.streets import approach_name, name_crossing_signal
 from advercity.roads.sumo_xml import BORDER_ATTRIBUTES, unpack_network
 
+MAX_LANE_WIDTH_M = 100.0
+"""Wider is no lane."""
 DEFAULT_LANE_WIDTH_M = 3.2
 """SUMO's own width of a lane that declares none."""
 MIN_POINT_SPACING_M = 0.01
@@ -359,6 +361,10 @@ def _parse_edge(item: Element) -> SumoEdge:
 def _parse_lane(item: Element, edge: str, function: str) -> SumoLane:
     allowed = item.get("allow")
     shape = _parse_shape(item.attrib["shape"])
+    width_m = float(item.get("width", DEFAULT_LANE_WIDTH_M))
+    if not 0 < width_m <= MAX_LANE_WIDTH_M:
+        limits = f"between 0 and {MAX_LANE_WIDTH_M:g} m"
+        raise ValueError(f"lane {item.attrib['id'][:40]} is {width_m:g} m wide, not {limits}")
     return SumoLane(
         id=item.attrib["id"],
         edge=edge,
@@ -367,7 +373,7 @@ def _parse_lane(item: Element, edge: str, function: str) -> SumoLane:
         length_m=float(item.attrib["length"]),
         speed_limit_m_s=float(item.attrib["speed"]),
         shape=shape,
-        width_m=float(item.get("width", DEFAULT_LANE_WIDTH_M)),
+        width_m=width_m,
         type=item.get("type", ""),
         allowed_classes=None if allowed is None else frozenset(allowed.split()),
         disallowed_classes=frozenset(item.get("disallow", "").split()),

@@ -31,6 +31,18 @@ def test_an_empty_folder_is_not_a_library(tmp_path: Path) -> None:
     assert "no declarations" in describe_errors(tmp_path)
 
 
+def test_a_link_out_of_the_library_shows_nothing_of_its_file(write: Write, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.yaml"
+    secret.write_text("password: swordfish\n")
+    folder = write()
+    (folder / "inside.yaml").symlink_to(folder / "weather.yaml")
+    (folder / "mine.yaml").symlink_to(secret)
+    found = describe_errors(folder)
+    assert "mine.yaml: is a link out of the library; put the file itself in its place" in found
+    assert "inside.yaml: is a link" not in found
+    assert "swordfish" not in found
+
+
 def test_a_file_may_extend_a_neighbour(tmp_path: Path) -> None:
     (tmp_path / "fog.yaml").write_text(FOG + "extends: clear_day\nfog: {mor_m: 75}\n")
     (tmp_path / "thick.yaml").write_text(FOG.replace("fog", "thick") + "extends: fog\n")

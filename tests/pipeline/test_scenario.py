@@ -162,6 +162,18 @@ def test_damaged_files_are_made_again_with_their_checksums(made: Path, tmp_path:
     assert tree(copy) == tree(made)
 
 
+@pytest.mark.parametrize("left", ["", "/lock", "/incoming"])
+def test_a_repair_removes_the_staging_folder_that_a_killed_one_left(
+    made: Path, tmp_path: Path, left: str
+) -> None:
+    copy = shutil.copytree(made, tmp_path / made.name)
+    left_path = tmp_path / ".staging" / f"{made.name}{left}"
+    left_path.parent.mkdir(parents=True)
+    left_path.touch() if left == "/lock" else left_path.mkdir()
+    assert repair_dataset(tmp_path) == []
+    assert [path for path in tmp_path.iterdir() if path.name != "index.json"] == [copy]
+
+
 def test_what_was_made_by_another_version_is_not_repaired(made: Path, tmp_path: Path) -> None:
     copy = shutil.copytree(made, tmp_path / made.name)
     manifest = json.loads((copy / "manifest.json").read_text())

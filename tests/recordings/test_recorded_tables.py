@@ -148,6 +148,8 @@ def test_parquet_and_a_semicolon_between_values_make_no_difference(tmp_path: Pat
         ),
         "x" * 200_000 + ",b\n": "{path}:1:1: is not CSV: field larger than field limit",
         'id,class,time_s,x_m,y_m\na,"car"s,0,0,0\n': "{path}:2:1: is not CSV",
+        TABLE + 'a,"car,0.2,2,0\n' + "a,car,0.3,2,0\n" * 9: "{path}:4:3: is not CSV",
+        TABLE + 'a,"car",0.2,"2,0\na,car,0.3,2,0\n': "{path}:4:13: is not CSV",
     }.items(),
 )
 def test_a_row_that_cannot_be_used_is_named_by_place(
