@@ -7,6 +7,7 @@ import os
 import tarfile
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -117,7 +118,7 @@ class TextureStore:
         try:
             with zipfile.ZipFile(path) as archive:
                 content = archive.read(file.path)
-        except (OSError, KeyError, zipfile.BadZipFile) as error:
+        except (OSError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
             raise RunError(f"{path}: cannot be read: {error}; {_REMEDY}") from error
         if hashlib.sha256(content).hexdigest() != file.sha256:
             raise RunError(f"{path}: {file.path} is not as declared; {_REMEDY}")

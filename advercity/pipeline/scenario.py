@@ -32,7 +32,7 @@ from advercity.dataset.verification import (
 )
 from advercity.dataset.writer import FrameWriter, ScenarioWriter
 from advercity.errors import RunError
-from advercity.pipeline.options import RunOptions, ViewerTarget
+from advercity.pipeline.options import MAX_SCALE, MIN_SCALE, RunOptions, ViewerTarget
 from advercity.pipeline.preparation import (
     PreparedScenario,
     load_or_simulate_traffic,
@@ -268,14 +268,15 @@ def _repair_scenario(
     if all(problem.frame is None for problem in problems):
         return restore_files(scenario, problems, lambda frame: ())
     manifest = Manifest.load(scenario)
-    spec, renderer = manifest.spec, manifest.identity.renderer
-    backend = load_backend(str(renderer["backend"]))
+    spec = manifest.spec
+    backend_name, profile = _parse_renderer(scenario, manifest.identity)
+    backend = load_backend(backend_name)
     report(Progress(spec.id, "traffic"))
     prepared = PreparedScenario(
         spec,
         load_or_simulate_traffic(spec),
         backend,
-        _parse_profile(manifest.identity),
+        profile,
         frames=range(manifest.length),
         format=manifest.identity.format,
         missing_models=manifest.identity.missing_models,
@@ -307,8 +308,19 @@ def _repair_scenario(
     return left
 
 
-def _parse_profile(identity: Identity) -> RenderProfile:
-    """Rebuild the profile from the renderer identity of a manifest."""
-    names = identity.renderer.keys() - {"backend", "backend_sha256", "device"}
-    values = {name: identity.renderer[name] for name in names}
-    return TypeAdapter(RenderProfile).validate_python({"name": "as made", **values})
+def _parse_renderer(scenario: Path, identity: Identity) -> tuple[str, RenderProfile]:
+    """Rebuild backend and profile from a manifest; RunError if it has others than runs have."""
+    values = {"name": "as made", **identity.renderer}
+    backend = values.pop("backend", None)
+    for name in ("backend_sha256", "device"):
+        values.pop(name, None)
+    try:
+        profile = TypeAdapter(RenderProfile).validate_python(values)
+        if not isinstance(backend, str) or not MIN_SCALE <= profile.scale <= MAX_SCALE:
+            raise ValueError("no backend, or a scale that no run has")
+    except ValueError as error:
+        raise RunError(
+            f"{scenario}: its manifest names no renderer that made it; make it again with"
+            " `advercity run --fresh`"
+        ) from error
+    return backend, profile

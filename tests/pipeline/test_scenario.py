@@ -162,6 +162,21 @@ def test_damaged_files_are_made_again_with_their_checksums(made: Path, tmp_path:
     assert tree(copy) == tree(made)
 
 
+@pytest.mark.parametrize(
+    "renderer", [{}, {"backend": 3}, {"backend": "sapien", "scale": 1e9, "renderer": "raster"}]
+)
+def test_a_manifest_without_a_renderer_that_can_be_is_refused(
+    made: Path, tmp_path: Path, renderer: dict[str, object]
+) -> None:
+    copy = shutil.copytree(made, tmp_path / made.name)
+    manifest = json.loads((copy / "manifest.json").read_text())
+    manifest["identity"]["renderer"] = renderer
+    (copy / "manifest.json").write_text(json.dumps(manifest))
+    (copy / "103" / "000060.pcd").unlink()
+    with pytest.raises(RunError, match=r"names no renderer that made it.*--fresh"):
+        repair_dataset(tmp_path)
+
+
 @pytest.mark.parametrize("left", ["", "/lock", "/incoming"])
 def test_a_repair_removes_the_staging_folder_that_a_killed_one_left(
     made: Path, tmp_path: Path, left: str

