@@ -113,6 +113,20 @@ def test_the_ego_perceives_whom_it_sees(
     assert hidden_by == ({103} if perceived_s == 1.5 else set())
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_the_ego_perceives_at_the_first_tick_from_which_the_actor_is_near_enough(seed: int):
+    random = np.random.default_rng(seed)
+    x, y, visibility_m = random.uniform(40, 70), random.uniform(2, 9), random.uniform(12, 35)
+    trace = build_scene(("pedestrian", x, y))
+    ego, actor = (ActorTrack.from_trace(trace, number) for number in (101, 102))
+    conditions = ReactionConditions(friction=0.8, visibility_m=visibility_m)
+
+    found_s, _ = find_perception(trace, ego, actor, conditions, until_s=(x - 2) / 10)
+
+    first = next(t for t in range(60) if np.hypot(x - 10 * TICK_S * t, y) <= visibility_m)
+    assert found_s == pytest.approx(first * TICK_S)
+
+
 def resolve(spec: Spec, resolver: Resolver, friction: float = 0.8) -> Spec:
     """The first conflict alone, resolved by others than declared."""
     first = spec.conflicts[0]

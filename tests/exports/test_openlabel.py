@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from advercity_dsl import Spec
+from advercity_dsl import Spec, Weather
 
 from advercity.dataset.reader import FrameView, open_dataset
 from advercity.exports.exporting import export_dataset
 from advercity.exports.openlabel import list_weather_tags
+from advercity.physics.extinction import compute_extinction
 from tests.exports.readers import needs_readers, run_reader
 from tests.exports.recorded_dataset import FIRST_FRAME, FRAMES
 from tests.exports.recorded_dataset import recorded_dataset as recorded_dataset  # a fixture
@@ -125,6 +126,15 @@ def test_weather_has_tags_in_the_units_of_the_ontology(
     assert night["WeatherWind"] == rain.wind.speed_m_s
     assert night["LowLightNight"] is night["SurfaceConditionWet"] is None
     assert "DaySunElevation" not in night
+    # The ontology has visibility in snow in km and in fog in m, wind in m/s and clouds in oktas.
+    weather = {"id": "w", "time": "day", "sun": {"elevation_deg": 12}, "wind": {"speed_m_s": 7}}
+    snow = Weather.model_validate(
+        {**weather, "temperature_c": -2, "snow": {"rate_mm_h": 2}, "fog": {"mor_m": 400}}
+    )
+    tags = read(list_weather_tags(snow))
+    assert tags["WeatherSnow"] == pytest.approx(compute_extinction(snow).mor_m / 1000)
+    assert (tags["ParticulatesWater"], tags["WeatherWind"]) == (400, 7)
+    assert tags["DaySunElevation"] == 12
 
 
 @needs_readers

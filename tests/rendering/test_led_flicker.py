@@ -74,6 +74,42 @@ def test_lamps_flicker_each_in_its_phase_about_their_mean() -> None:
     assert [state.tail_light_ratio for state in again.states] == tails[7].tolist()
 
 
+def test_vehicles_have_frequencies_and_phases_of_their_own_whatever_the_seed() -> None:
+    for seed in range(5):
+        tails = np.array(
+            [
+                [
+                    one.tail_light_ratio
+                    for one in apply_led_flicker(lit_frame(t), 1e-4, seed=seed).states
+                ]
+                for t in (np.arange(600) * 0.00137).tolist()
+            ]
+        )
+        # Of 600, a correlation of 0.25 is six standard deviations.
+        np.testing.assert_allclose(np.corrcoef(tails.T), np.eye(3), atol=0.25)
+
+
+def test_vehicles_begin_at_phases_of_their_own() -> None:
+    states = tuple(
+        replace(make_actor_state(number, 10.0 * number), lamps=Lamp.LOW_BEAM)
+        for number in range(1, 201)
+    )
+    found = apply_led_flicker(Frame(0, 5e-5, states, {}), 1e-4, seed=3)
+    lit = np.mean([one.tail_light_ratio > 0 for one in found.states])
+    assert 0.3 * TAIL_DUTY < lit < 3 * TAIL_DUTY + 0.1
+
+
+def test_signals_are_on_three_phases_of_the_mains() -> None:
+    names = {str(number): Signal.RED for number in range(60)}
+    found = apply_led_flicker(Frame(0, 0.0004, (), names), 1e-4, seed=1).signal_light_ratios
+    times_s = (np.arange(50) * 0.00037).tolist()
+    frames = [apply_led_flicker(Frame(0, t, (), names), 1e-4, seed=1) for t in times_s]
+    courses = {
+        tuple(round(frame.signal_light_ratios[name], 6) for frame in frames) for name in found
+    }
+    assert len(courses) == 3
+
+
 def test_brake_lamps_do_not_flicker_and_tail_lamps_shine_as_they_are_collected() -> None:
     world = build_flat_world()
     tail, brake = Lamp.LOW_BEAM, Lamp.LOW_BEAM | Lamp.BRAKE

@@ -300,6 +300,18 @@ def test_corrections_fix_within_centimetres_after_a_while_in_the_open() -> None:
     assert 0.03 < np.linalg.norm(floating, axis=1).max() < 1.0
 
 
+@pytest.mark.parametrize("yaw_deg", np.random.default_rng(7).uniform(-180, 180, 6).round(2))
+def test_headings_are_clockwise_from_north(yaw_deg: float) -> None:
+    def stand(time_s: float) -> Matrix:
+        return pose_matrix((0, 0, 0), yaw=math.radians(yaw_deg))
+
+    fix = make_receiver(build_flat_world(), stand, heading_baseline_m=2.0)(0)
+    assert fix is not None
+    assert fix.heading_rad is not None
+    wanted = math.radians(90.0 - yaw_deg)
+    assert abs(math.remainder(fix.heading_rad - wanted, 2 * math.pi)) < 0.01
+
+
 def test_two_antennas_give_a_heading_as_good_as_their_distance() -> None:
     """East is 90 degrees; twice the distance is half the error."""
     spread: list[float] = []

@@ -35,6 +35,7 @@ from tests.sensors.radar.builders import (
     plate,
     rows_of,
     scan,
+    triangles,
     trihedral,
     vary,
 )
@@ -334,6 +335,51 @@ def test_false_alarms_are_as_many_as_the_threshold_lets_pass() -> None:
     ]
     # (1 + 20 / 32)^-32 of 400 velocities, 80 azimuths, 15 elevations and 376 ranges.
     assert np.mean(counts) == pytest.approx(180e6 * (1 + 10**1.3 / 32) ** -32, rel=0.3)
+
+
+def test_errors_of_range_angles_and_velocity_are_independent_and_as_wide_as_their_cells() -> None:
+    radar = vary(NARROW, elevation_cell_deg=1)
+    found = [scan(radar, trihedral(0.04, 60), key=key).detections for key in range(24)]
+    strongest = [int(one.snr_db.argmax()) for one in found]
+    points = np.array([one.points[row] for one, row in zip(found, strongest, strict=True)], float)
+    velocities = [float(one.velocity_m_s[row]) for one, row in zip(found, strongest, strict=True)]
+    range_m = np.linalg.norm(points, axis=1)
+    angles = np.arctan2(points[:, 1], points[:, 0]), np.arcsin(points[:, 2] / range_m)
+    errors = np.array([range_m, *angles, velocities])
+    # Of 24, a correlation of 0.65 is 3.5 standard deviations.
+    np.testing.assert_allclose(np.corrcoef(errors), np.eye(4), atol=0.65)
+    azimuth, elevation = errors[1:3].std(axis=1)
+    assert azimuth / elevation == pytest.approx(3.0, rel=0.5)
+
+
+def test_a_target_leaks_into_its_neighbours_as_a_hann_window_does() -> None:
+    found = scan(vary(NARROW, output="cube"), trihedral(0.5, 20)).cube
+    assert found is not None
+    power_db = found.power_db.astype(float).ravel()
+    peak = int(power_db.argmax())
+    spectrum = np.abs(np.fft.fft(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(64) / 64)))
+    beside_db = 20 * math.log10(spectrum[1] / spectrum[0])
+    assert max(power_db[peak - 1], power_db[peak + 1]) - power_db[peak] == pytest.approx(
+        beside_db, abs=0.3
+    )
+
+
+def test_speckle_is_that_of_two_looks() -> None:
+    """A mean of two exponentials has half the variance of one, and leakage averages more.
+
+    With a quarter of both neighbours: 0.5 (1 + 2/16) / 1.5² of the squared mean.
+    """
+    strip = triangles(
+        [[4, -2, -0.5], [30, -2, 0.5], [30, 2, 0.5], [4, 2, -0.5]],
+        [[0, 1, 2], [0, 2, 3]],
+        "asphalt",
+    )
+    scans = [scan(vary(NARROW, output="cube"), strip, key=key).cube for key in range(24)]
+    power = np.array(
+        [10 ** (one.power_db.astype(float).ravel()[26:70] / 10) for one in scans if one]
+    )
+    variance = power.var(axis=0, ddof=1) / power.mean(axis=0) ** 2
+    assert variance.mean() == pytest.approx(0.25, abs=0.07)
 
 
 def test_a_cube_has_every_cell_and_the_targets_stand_out() -> None:
