@@ -1,12 +1,14 @@
 """What verify finds, restore mends; and a disk that fails leaves nothing half-written."""
 
 import errno
+import fcntl
 import os
 import resource
 import shutil
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from typing import IO
 
 import pytest
 from advercity_dsl import Spec
@@ -205,3 +207,21 @@ def test_a_folder_that_cannot_be_read_is_not_said_to_be_empty(
     monkeypatch.setattr(os, "scandir", scan_or_refuse)
     with pytest.raises(RunError, match=f"^{folder}: cannot be read: Permission denied"):
         verify_dataset(scenario)
+
+
+def test_a_lock_is_on_the_file_that_other_processes_see(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last owner of the lock may delete the file after it was opened here."""
+    path, flock = tmp_path / "lock", fcntl.flock
+    owners = ["last"]
+
+    def end_owner(stream: IO[bytes], kind: int) -> None:
+        if owners:
+            owners.clear()
+            path.unlink()
+        flock(stream, kind)
+
+    monkeypatch.setattr(fcntl, "flock", end_owner)
+    with partial_files.lock_file(path) as stream:
+        assert os.path.samestat(os.fstat(stream.fileno()), path.stat())
