@@ -31,7 +31,13 @@ from advercity.diagnostics import Diagnostic, DiagnosticsError
 from advercity.foreign.ledger import Ledger
 from advercity.foreign.standards import load_standard
 from advercity.recordings.tables import Table, read_head, read_table
-from advercity.recordings.tracks import BadSampleError, Track, check_samples, derive_headings
+from advercity.recordings.tracks import (
+    MAX_SIZE_M,
+    BadSampleError,
+    Track,
+    check_samples,
+    derive_headings,
+)
 
 OWN_COLUMNS = ("id", "class", "time_s", "x_m", "y_m")
 OWN_OPTIONAL = ("heading_deg", "length_m", "width_m", "height_m")
@@ -252,7 +258,7 @@ def _parse_sizes(table: Table, *names: str) -> NDArray[np.float64]:
     sizes = np.zeros((len(table), 3))
     for column, name in enumerate(names):
         sizes[:, column] = _parse_optional(table, name, 0.0)
-        wrong = np.flatnonzero((sizes[:, column] < 0) | (sizes[:, column] > 50))
+        wrong = np.flatnonzero((sizes[:, column] < 0) | (sizes[:, column] > MAX_SIZE_M))
         if len(wrong):
             row = int(wrong[0])
             message = f"{sizes[row, column]:g} m is the size of no road user"

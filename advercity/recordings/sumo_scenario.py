@@ -15,14 +15,18 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
 
+import numpy as np
+
 from advercity.documents import parse_yaml, read_bytes
 from advercity.errors import InputError, describe_cause
 from advercity.foreign.ledger import Ledger
 from advercity.foreign.standards import TABLES, apply_disposition, load_standard
 from advercity.foreign.xml_documents import MAX_XML_BYTES, get_line, parse_xml, to_xml_bytes
+from advercity.recordings.tracks import MAX_GAP_S
 
 FILE_OPTIONS = ("net-file", "route-files", "additional-files")
 TIME_OPTIONS = ("begin", "end")
+DEPARTING = ("vehicle", "trip", "flow", "person", "personFlow")
 SYNONYMS = {
     **dict.fromkeys(("net", "n"), "net-file"),
     **dict.fromkeys(("routes", "r"), "route-files"),
@@ -95,6 +99,12 @@ def read_sumo_scenario(path: Path, ledger: Ledger) -> SumoScenario:
     network = _read_file(path.parent, network_name)
     if _parse_raw(network, network_name).tag != "net":
         raise InputError(f"{path.parent / network_name}: is no network of SUMO (<net>)")
+    step_s = _parse_time(options.get("step-length", "1"), path)
+    if step_s > MAX_GAP_S:
+        raise InputError(
+            f"{path}: <step-length>: its steps are {step_s:g} s long; of places that are more than"
+            f" {MAX_GAP_S:g} s apart nobody knows what was between"
+        )
     begin_s = _parse_time(options.get("begin", "0"), path)
     end_s = _parse_time(options.get("end", "-1"), path)
     return SumoScenario(
@@ -147,27 +157,47 @@ def _split_names(options: Mapping[str, str], option: str) -> list[str]:
 
 
 def _parse_time(text: str, path: Path) -> float:
-    """Parse seconds, or days, hours, minutes and seconds with colons."""
+    total_s = _find_seconds(text)
+    if total_s is None:
+        raise InputError(f"{path}: '{text[:60]}' is no time")
+    return total_s
+
+
+def _find_seconds(text: str) -> float | None:
+    """Read seconds, or days, hours, minutes and seconds with colons; None if it is no time."""
     try:
         parts = [float(part) for part in text.split(":")]
     except ValueError:
-        raise InputError(f"{path}: '{text[:60]}' is no time") from None
+        return None
     factors = (1, 60, 3600, 86400)
     total_s = sum(part * factor for part, factor in zip(reversed(parts), factors, strict=False))
-    if len(parts) > len(factors) or not abs(total_s) < 1e9:
-        raise InputError(f"{path}: '{text[:60]}' is no time")
-    return total_s
+    return total_s if len(parts) <= len(factors) and abs(total_s) < 1e9 else None
 
 
 def _read_document(folder: Path, name: str, ledger: Ledger) -> Element:
     """Read a file of routes or additional elements, without what is not read here."""
     root = _parse_raw(_read_file(folder, name), name)
     copy = Element(root.tag)
+    _list_unsorted(root, ledger)
     try:
         _copy_children(root, copy, ledger)
     except InputError as error:
         raise InputError(f"{folder / name}: {error}") from None
     return copy
+
+
+def _list_unsorted(root: Element, ledger: Ledger) -> None:
+    """List those that depart before one above them, which SUMO ignores."""
+    latest_s = -np.inf
+    for item in root:
+        departs = item.get("depart", item.get("begin", "")) if item.tag in DEPARTING else ""
+        departs_s = _find_seconds(departs)
+        if departs_s is None:
+            continue
+        if departs_s < latest_s:
+            why = "not sorted by departure (SUMO ignores"
+            ledger.leave_out(f"{item.tag} {why} it)", plural=f"{item.tag}s {why} them)", at=item)
+        latest_s = max(latest_s, departs_s)
 
 
 def _copy_children(source: Element, target: Element, ledger: Ledger) -> None:

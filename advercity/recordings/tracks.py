@@ -11,6 +11,8 @@ from advercity.errors import InputError
 
 MAX_GAP_S = 1.0
 """Longest time between two samples that is interpolated."""
+MAX_SIZE_M = 50.0
+"""Of a road user, in each direction."""
 MAX_SPEED_M_S = 100.0
 """Faster ones have jumped, or are in other units."""
 MIN_HEADING_SPEED_M_S = 0.3

@@ -20,7 +20,7 @@ from advercity.errors import InputError, RunError, report_temporary_errors
 from advercity.foreign.ledger import Ledger
 from advercity.recordings.sumo_scenario import read_sumo_scenario
 from advercity.recordings.track_file import MARGIN_S
-from advercity.recordings.tracks import MAX_GAP_S, MAX_SPEED_M_S, Track
+from advercity.recordings.tracks import MAX_GAP_S, MAX_SIZE_M, MAX_SPEED_M_S, Track
 from advercity.traffic.simulation import ERROR_MARK, EXIT_BAD_INPUT
 
 RECORDED_S = 300.0
@@ -119,6 +119,10 @@ def _build_tracks(found: dict[str, Any], ledger: Ledger) -> Iterator[Track]:
             )
             continue
         length_m = size[0]
+        if length_m > MAX_SIZE_M:
+            kind = f"longer than {MAX_SIZE_M:g} m"
+            ledger.leave_out(f"vehicle {kind}", plural=f"vehicles {kind}")
+            continue
         yield from _split_track(name, actor_class, tuple(size), rows, length_m / 2, taken)
     for name, rows in found["people"].items():
         yield from _split_track(name, "pedestrian", (0.0, 0.0, 0.0), rows, 0.0, taken)

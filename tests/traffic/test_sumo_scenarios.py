@@ -94,6 +94,28 @@ def test_nothing_is_written_beside_the_scenario_and_what_is_missing_is_listed(
     }
 
 
+def test_who_is_left_out_is_listed(tmp_path: Path) -> None:
+    """SUMO ignores who departs before one above; a road user is at most 50 m long."""
+    more = "".join(
+        f'<vehicle id="v{index}" depart="{depart}"><route edges="in_east out_west"/></vehicle>'
+        for index, depart in enumerate(("5", "0:00:02", "4.9", "6"))
+    )
+    more += '<flow id="f" begin="3" end="9" period="3"><route edges="in_west out_east"/></flow>'
+    coach = '<vType id="coach" vClass="bus"'
+    routes = ROUTES.replace(coach, f'{coach} length="50.5"').replace(
+        "</routes>", more + "</routes>"
+    )
+    path = write_sumo_scenario(tmp_path / "s", routes=routes)
+
+    found = load_sumo_scenario(path, tmp_path, to_s=ENDS_S)
+
+    assert {track.id for track in found.tracks} == {"north_1", "walker", "v0", "v3"}
+    listed = {item.name: item.count for item in found.left_out}
+    assert listed["vehicles not sorted by departure (SUMO ignores them)"] == 2
+    assert listed["flow not sorted by departure (SUMO ignores it)"] == 1
+    assert listed["vehicle longer than 50 m"] == 1
+
+
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
@@ -106,6 +128,7 @@ def test_nothing_is_written_beside_the_scenario_and_what_is_missing_is_listed(
         ('<net-file value="town.net.xml.gz"/>', "", "names no network"),
         ('"0:01:00"', '"later"', "'later' is no time"),
         ("configuration>", "routes>", "begins with <routes>"),
+        ('length value="0.1"', 'length value="1.1"', "its steps are 1.1 s long"),
         ('"0:01:00"', '"5"', r"`from` 0, `to` 9"),
     ],
 )
