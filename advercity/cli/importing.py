@@ -158,9 +158,20 @@ def lanelet2(
     _suggest(file, "lanelet2", name, output, is_printed=suggest)
 
 
+@imports.command()
+def sumo_network(
+    file: Annotated[Path, typer.Argument(help="Network of SUMO (*.net.xml).")],
+    suggest: SuggestOption = False,
+    output: DeclarationsOption = None,
+    name: NameOption = None,
+) -> None:
+    """Suggest conflicts at the junctions of a SUMO network."""
+    _suggest(file, "sumo", name, output, is_printed=suggest)
+
+
 def _suggest(
     file: Path,
-    source: Literal["osm", "opendrive", "lanelet2"],
+    source: Literal["osm", "opendrive", "lanelet2", "sumo"],
     name: str | None,
     output: Path | None,
     *,

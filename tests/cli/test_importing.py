@@ -21,6 +21,7 @@ from tests.recordings.recorded_files import (
     write_street,
 )
 from tests.roads.imported_roads import DATA
+from tests.roads.sumo_networks import build_crossing_network
 from tests.traffic.sumo_scenario_files import write_sumo_scenario
 
 SHIPPED = find_shipped_library()
@@ -239,6 +240,17 @@ def test_suggestions_are_printed_or_written(advercity: Command, tmp_path: Path) 
     again = advercity("import", "osm", town, "--output", folder, "--name", "mine")
     assert again.code == 2
     assert "already exists" in again.err
+
+
+def test_a_network_of_sumo_is_suggested_conflicts(advercity: Command, tmp_path: Path) -> None:
+    file = tmp_path / "town.net.xml"
+    file.write_text(build_crossing_network(), encoding="utf-8")
+
+    printed = advercity("import", "sumo-network", file, "--suggest")
+
+    assert printed.code == 0
+    assert "ltap_od_ego_turns" in printed.out
+    assert "source: sumo" in printed.out
 
 
 def test_a_simulation_of_somebody_else_becomes_a_dataset(

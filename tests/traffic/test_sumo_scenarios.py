@@ -12,9 +12,11 @@ from advercity_dsl import MapNetwork
 from advercity.compiler.recorded_roads import ReplayChoice, write_recorded_road
 from advercity.errors import InputError
 from advercity.frames import Signal
+from advercity.roads.plan_frame import to_plan_frame
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.traffic.simulation import simulate_in_subprocess
 from advercity.traffic.sumo_scenarios import load_sumo_scenario
+from tests.roads.sumo_networks import build_crossing_network
 from tests.traffic.sumo_scenario_files import (
     CONFIGURATION,
     DEPART_M,
@@ -158,6 +160,25 @@ def test_routes_that_cannot_be_used_are_an_error_of_the_file(
 
     with pytest.raises(InputError, match=complaint):
         load_sumo_scenario(path, tmp_path, to_s=9)
+
+
+def test_traffic_on_the_left_stays_there(tmp_path: Path) -> None:
+    path = write_sumo_scenario(tmp_path / "s")
+    network = build_crossing_network(("lefthand", "true"))
+    (tmp_path / "s/town.net.xml.gz").write_bytes(gzip.compress(network.encode()))
+    found = load_sumo_scenario(path, tmp_path, from_s=2, to_s=8)
+    choice = ReplayChoice(ego="north_1", connected_count=0, from_s=2, to_s=8, looks="shaped")
+
+    (spec,) = write_recorded_road(found, None, choice, tmp_path / "out")
+
+    assert spec.road.is_left_hand
+    trace = simulate_in_subprocess(
+        spec, write_sumo_network(to_plan_frame(spec.road), tmp_path / "net")
+    )
+    driven = trace.states[trace.states["actor"] == 0]
+    assert (driven["x"] < -1).all()
+    assert driven["y"][0] == pytest.approx(-100 + DEPART_M + SPEED_M_S * 2 - 2.5, abs=0.85)
+    assert (np.diff(driven["y"]) > 0.5).all()
 
 
 def test_a_network_that_knows_its_place_is_there(tmp_path: Path) -> None:
