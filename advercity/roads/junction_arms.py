@@ -174,10 +174,12 @@ def find_junctions(planner: RoutePlanner, wanted: str | Sequence[str]) -> tuple[
             if len(streets) > 2 and planner.controls.get(name) == wanted
         )
         if not found:
-            kinds = sorted({planner.controls.get(name, "none") for name in arms})
+            kinds = sorted(
+                {planner.controls.get(name, "none") for name in arms if len(arms[name]) > 2}
+            )
             raise InputError(
-                f"no junction '{wanted}', nor one with this rule of right of way;"
-                f" this road has {', '.join(kinds) or 'no junctions'}"
+                f"no junction '{wanted}', nor one of three arms with this rule of right of way;"
+                f" this road has {', '.join(kinds) or 'none'}"
             )
         return found
     names = (wanted,) if isinstance(wanted, str) else tuple(wanted)

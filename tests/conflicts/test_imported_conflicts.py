@@ -246,7 +246,7 @@ def test_an_ego_that_is_too_slow_everywhere_leaves_the_conflict_to_the_actor(
         ("j1", {"kind": "vehicle", "arm": "upwards"}, "'upwards' is no arm of 'j1'; "),
         ("j1", {"kind": "vehicle", "arm": "wesst"}, r"did you mean 'west'\? Arms: .* \(south\)"),
         ("j99", {"kind": "vehicle"}, "no junction 'j99'"),
-        ("stop", {"kind": "vehicle"}, "this road has signals"),
+        ("stop", {"kind": "vehicle"}, "nor one of three arms .*; this road has signals"),
     ],
 )
 def test_an_arm_or_junction_that_is_not_there_is_reported(
