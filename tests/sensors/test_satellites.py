@@ -201,6 +201,9 @@ def test_thermal_noise_is_that_of_the_loops() -> None:
     assert compute_code_noise(np.array([45.0]), receiver)[0] == pytest.approx(1.167, rel=2e-3)
     phase_deg = compute_phase_noise(np.array([45.0]))[0] / WAVELENGTH_M * 360
     assert phase_deg == pytest.approx(1.249, rel=2e-3)
+    # At 20 dB-Hz the loop loses a quarter: sqrt(15 / 100 * (1 + 1 / (2 * 0.02 * 100))) rad.
+    weak_deg = compute_phase_noise(np.array([20.0]))[0] / WAVELENGTH_M * 360
+    assert weak_deg == pytest.approx(24.81, rel=1e-3)
 
 
 def make_receiver(
