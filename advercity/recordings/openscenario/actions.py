@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 from xml.etree.ElementTree import Element
 
-from advercity.recordings.openscenario.catalogues import Catalogues, resolve_element
 from advercity.recordings.openscenario.document import Scope
 from advercity.recordings.openscenario.lateral import (
     parse_lane_change,
@@ -16,6 +15,7 @@ from advercity.recordings.openscenario.positions import (
     parse_entity,
     parse_position,
 )
+from advercity.recordings.openscenario.routes import Route, parse_route
 from advercity.recordings.openscenario.speeds import parse_speed, parse_speed_profile
 from advercity.recordings.openscenario.stage import Mover, Pose, Process, Stage
 from advercity.recordings.openscenario.trajectories import Follow, parse_follow
@@ -34,7 +34,7 @@ class Action:
     last_s: float = 0.0
 
 
-def parse_action(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+def parse_action(scope: Scope, element: Element) -> Action | None:
     """Parse a `PrivateAction`, `GlobalAction` or `UserDefinedAction`.
 
     Returns:
@@ -49,10 +49,10 @@ def parse_action(scope: Scope, element: Element, catalogues: Catalogues) -> Acti
         inner = next((item for item in first if item.tag.endswith("Action")), first)
         scope.refuse(inner, "such an action is not read", "record the motion as a trajectory")
         return None
-    return ACTIONS[kind.tag](scope, kind, catalogues)
+    return ACTIONS[kind.tag](scope, kind)
 
 
-def _parse_teleport(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+def _parse_teleport(scope: Scope, element: Element) -> Action | None:
     find = parse_position(scope, element)
     if find is None:
         return None
@@ -72,10 +72,11 @@ def _put(mover: Mover, pose: Pose, stage: Stage, scope: Scope, element: Element)
         stage.fail(scope, element, message, "an actor is there once; make it two entities")
     heading = 0.0 if math.isnan(pose.heading) else pose.heading
     mover.pose = pose._replace(heading=heading)
+    mover.route = pose.route or mover.route
 
 
-def _parse_follow(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
-    follow = parse_follow(scope, element, catalogues)
+def _parse_follow(scope: Scope, element: Element) -> Action | None:
+    follow = parse_follow(scope, element)
     if follow is None:
         return None
     last_s = follow.find_end_s()
@@ -93,61 +94,50 @@ def _start_follow(follow: Follow, mover: Mover, stage: Stage) -> Process:
     return follower
 
 
-def _parse_speed(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+def _parse_speed(scope: Scope, element: Element) -> Action | None:
     process = parse_speed(scope, element)
     return None if process is None else Action(element.tag, process)
 
 
-def _parse_speed_profile(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+def _parse_speed_profile(scope: Scope, element: Element) -> Action | None:
     process = parse_speed_profile(scope, element)
     return None if process is None else Action(element.tag, process)
 
 
-def _parse_lane_change(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+def _parse_lane_change(scope: Scope, element: Element) -> Action | None:
     process = parse_lane_change(scope, element)
     return None if process is None else Action(element.tag, process)
 
 
-def _parse_lane_offset(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+def _parse_lane_offset(scope: Scope, element: Element) -> Action | None:
     process = parse_lane_offset(scope, element)
     return None if process is None else Action(element.tag, process)
 
 
-def _parse_route(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
-    found = resolve_element(scope, element, "Route", catalogues)
-    if found is None:
+def _parse_route(scope: Scope, element: Element) -> Action | None:
+    route = parse_route(scope, element, parse_position)
+    if route is None:
         return None
-    inner, route = found
-    places = [
-        find
-        for waypoint in route.iterfind("Waypoint")
-        if (find := parse_position(inner, waypoint)) is not None
-    ]
 
     def start(mover: Mover, stage: Stage) -> None:
-        roads = stage.open_map()
-        own = stage.find_lane(mover.pose) if mover.pose is not None else None
-        if roads is None or own is None:
-            stage.fail(scope, element, f"'{mover.entity.name}' is on no lane")
-        path: list[str] = [own.road]
-        for find in places:
-            goal = stage.find_lane(find(stage))
-            if goal is None:
-                stage.fail(scope, element, "a waypoint is on no lane")
-            if goal.road in path:
-                own = goal
-                continue
-            further = roads.find_path(own, goal)
-            if further is None:
-                stage.fail(scope, element, f"no roads lead to the waypoint on road '{goal.road}'")
-            path += further
-            own = goal
-        mover.route = tuple(path)
+        mover.route = route.find_roads(stage, mover)
 
     return Action(element.tag, start)
 
 
-def _parse_entity(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+def _parse_acquire(scope: Scope, element: Element) -> Action | None:
+    goal = parse_position(scope, element)
+    if goal is None:
+        return None
+    route = Route(scope, element, (goal,))
+
+    def start(mover: Mover, stage: Stage) -> None:
+        mover.route = route.find_roads(stage, mover)
+
+    return Action(element.tag, start)
+
+
+def _parse_entity(scope: Scope, element: Element) -> Action | None:
     name = parse_entity(scope, element)
     added = element.find("AddEntityAction")
     find = parse_position(scope, added) if added is not None else None
@@ -163,7 +153,7 @@ def _parse_entity(scope: Scope, element: Element, catalogues: Catalogues) -> Act
     return Action(element.tag, start, is_private=False)
 
 
-def _parse_value(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+def _parse_value(scope: Scope, element: Element) -> Action | None:
     """Parse an action that sets or changes a parameter or variable."""
     name = scope.get(element, "parameterRef" if "parameterRef" in element.attrib else "variableRef")
     changed = next(iter(element), None)
@@ -186,17 +176,17 @@ def _parse_value(scope: Scope, element: Element, catalogues: Catalogues) -> Acti
     return Action(element.tag, start, is_private=False)
 
 
-def _parse_activation(scope: Scope, element: Element, catalogues: Catalogues) -> Action | None:
+def _parse_activation(scope: Scope, element: Element) -> Action | None:
     """Refuse a controller that takes over; the default one keeps speed and lane."""
     flags = ("longitudinal", "lateral", "activateLongitudinal", "activateLateral")
     if any(scope.get_flag(element, name) for name in flags):
         hint = "record the motion that it makes as a trajectory"
         scope.refuse(element, "a controller drives the entity", hint)
         return None
-    return _do_nothing(scope, element, catalogues)
+    return _do_nothing(scope, element)
 
 
-def _do_nothing(scope: Scope, element: Element, catalogues: Catalogues) -> Action:
+def _do_nothing(scope: Scope, element: Element) -> Action:
     """Parse an action that moves nobody: its event begins and ends with nothing."""
     return Action(element.tag, lambda mover, stage: None, is_private=False)
 
@@ -210,7 +200,7 @@ MOVES_NOBODY = (
     "SetMonitorAction",
 )
 """Actions that are listed as left out."""
-ACTIONS: Mapping[str, Callable[[Scope, Element, Catalogues], Action | None]] = {
+ACTIONS: Mapping[str, Callable[[Scope, Element], Action | None]] = {
     "TeleportAction": _parse_teleport,
     "FollowTrajectoryAction": _parse_follow,
     "SpeedAction": _parse_speed,
@@ -218,6 +208,7 @@ ACTIONS: Mapping[str, Callable[[Scope, Element, Catalogues], Action | None]] = {
     "LaneChangeAction": _parse_lane_change,
     "LaneOffsetAction": _parse_lane_offset,
     "AssignRouteAction": _parse_route,
+    "AcquirePositionAction": _parse_acquire,
     "EntityAction": _parse_entity,
     "ParameterAction": _parse_value,
     "VariableAction": _parse_value,
@@ -228,9 +219,7 @@ ACTIONS: Mapping[str, Callable[[Scope, Element, Catalogues], Action | None]] = {
 """Parsers by element; what is not here is refused."""
 
 
-def parse_actions(
-    scope: Scope, elements: Sequence[Element], catalogues: Catalogues
-) -> tuple[Action, ...]:
+def parse_actions(scope: Scope, elements: Sequence[Element]) -> tuple[Action, ...]:
     """Parse several actions."""
-    found = (parse_action(scope, element, catalogues) for element in elements)
+    found = (parse_action(scope, element) for element in elements)
     return tuple(item for item in found if item is not None)

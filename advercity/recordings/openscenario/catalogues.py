@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from advercity.errors import InputError
+from advercity.errors import InputError, describe_cause
 from advercity.recordings.openscenario.document import Findings, Scope, Source, open_source
 
 MAX_CATALOGUE_FILES = 200
@@ -59,13 +59,19 @@ class Catalogues:
                 self._audited.add(part)
                 inner.audit(part)
         assigned = {
-            item.get("parameterRef", ""): scope.get(item, "value", "")
+            item.get("parameterRef", "").removeprefix("$"): scope.get(item, "value", "")
             for item in reference.iterfind("ParameterAssignments/ParameterAssignment")
         }
-        return inner.nest(element, assigned), element
+        nested = inner.nest(element, assigned)
+        unknown = [name for name in assigned if name not in nested.parameters]
+        if unknown:
+            name = f"assignment of a parameter that '{entry[:40]}' has not"
+            scope.findings.ledger.leave_out(name, at=reference, count=len(unknown))
+        return nested, element
 
     def _open(self) -> dict[str, Catalogue]:
         found: dict[str, Catalogue] = {}
+        files: dict[str, Catalogue] = {}
         for count, path in enumerate(self._list_files()):
             if count >= MAX_CATALOGUE_FILES:
                 raise InputError(f"{path}: there are over {MAX_CATALOGUE_FILES} catalogue files")
@@ -74,8 +80,11 @@ class Catalogues:
             if catalogue is not None:
                 entries = {name: item for item in reversed(catalogue) if (name := item.get("name"))}
                 catalogue[:] = [item for item in catalogue if not item.get("name")]
-                found.setdefault(catalogue.get("name", ""), Catalogue(source, entries))
-        return found
+                opened = Catalogue(source, entries)
+                found.setdefault(catalogue.get("name", ""), opened)
+                files.setdefault(path.stem, opened)
+        # Some scenarios name the file instead.
+        return {**files, **found}
 
     def _list_files(self) -> Iterator[Path]:
         for directory in self._scope.source.root.iterfind("CatalogLocations/*/Directory"):
@@ -84,19 +93,11 @@ class Catalogues:
                 message = f"{folder} is outside {self._root}"
                 hint = "name the folder that has scenario and catalogues with `root`"
                 self._scope.refuse(directory, message, hint)
-            elif folder.is_dir():
+                continue
+            try:
                 yield from sorted(folder.glob("*.xosc"))
-
-
-def resolve_element(
-    scope: Scope, parent: Element, tag: str, catalogues: Catalogues
-) -> tuple[Scope, Element] | None:
-    """Find an element in its parent, or in the catalogue that the parent refers to."""
-    inline = parent.find(tag)
-    if inline is not None:
-        return scope.nest(inline), inline
-    reference = parent.find("CatalogReference")
-    return catalogues.find(scope, reference) if reference is not None else None
+            except OSError as error:
+                self._scope.refuse(directory, f"cannot be read: {describe_cause(error)}")
 
 
 def start_scope(source: Source, findings: Findings, overrides: Mapping[str, str]) -> Scope:

@@ -1,7 +1,7 @@
 """Files of a scenario as XML, with the parameters that hold in each part, and what is wrong."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -23,6 +23,7 @@ class Findings:
         problems: The first problem of each element, by file, line and column.
         ledger: What is left out.
         entities: Names of the entities, moved or not.
+        find_entry: Finds the entry of a catalogue that an element refers to.
     """
 
     problems: dict[tuple[Path, int, int], Diagnostic] = field(
@@ -30,6 +31,7 @@ class Findings:
     )
     ledger: Ledger = field(default_factory=Ledger)
     entities: set[str] = field(default_factory=set[str])
+    find_entry: "Callable[[Scope, Element], tuple[Scope, Element] | None] | None" = None
 
     def raise_problems(self) -> None:
         """Raise DiagnosticsError if there are problems."""
@@ -68,6 +70,21 @@ class Scope:
             inner = Scope(self.source, {**known}, self.findings)
             known[name] = (assigned or {}).get(name) or inner.get(item, "value", "")
         return Scope(self.source, known, self.findings)
+
+    def resolve(self, parent: Element, *tags: str) -> "tuple[Scope, Element] | None":
+        """Find an element in its parent, or in the catalogue that the parent refers to.
+
+        Returns:
+            The scope in the element, and the element; None, and a problem, if there is none.
+        """
+        inline = next((item for item in parent if item.tag in tags), None)
+        if inline is not None:
+            return self.nest(inline), inline
+        reference = parent.find("CatalogReference")
+        if reference is None or self.findings.find_entry is None:
+            self.refuse(parent, f"has no <{'> or <'.join(tags)}>")
+            return None
+        return self.findings.find_entry(self, reference)
 
     def refuse(self, element: Element, message: str, hint: str = "") -> None:
         """Keep the first problem of an element, to be raised with all others."""

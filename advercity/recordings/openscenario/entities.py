@@ -5,7 +5,6 @@ from xml.etree.ElementTree import Element
 
 from advercity_dsl import ActorClass
 
-from advercity.recordings.openscenario.catalogues import Catalogues
 from advercity.recordings.openscenario.document import Scope
 from advercity.recordings.openscenario.stage import Entity
 from advercity.recordings.openscenario.tracks import format_id
@@ -24,21 +23,23 @@ CATEGORIES: Mapping[str, ActorClass] = {
 }
 """Classes by `vehicleCategory` and `pedestrianCategory`."""
 ATTRIBUTES = {"Vehicle": "vehicleCategory", "Pedestrian": "pedestrianCategory"}
+BODILESS = ("MiscObject", "ExternalObjectReference")
+"""Entities that are no road users: left out, or refused by the table."""
 
 
-def read_entities(scope: Scope, catalogues: Catalogues) -> Iterator[Entity]:
+def read_entities(scope: Scope) -> Iterator[Entity]:
     """Read the road users; problems are kept in the scope, others are left out."""
     names: dict[str, str] = {}
     for item in scope.source.root.iterfind("Entities/ScenarioObject"):
         name = scope.get(item, "name")
         scope.findings.entities.add(name)
-        found = _find_body(scope, item, catalogues)
+        found = scope.resolve(item, *ATTRIBUTES, *BODILESS)
         if found is None:
             continue
         inner, body = found
-        if body.tag == "MiscObject":
+        if body.tag in BODILESS:
             continue
-        if body.tag not in ATTRIBUTES:
+        if body.tag not in ATTRIBUTES:  # an entry of another catalogue
             inner.refuse(body, f"is no body of '{name}'", "write a <Vehicle> or <Pedestrian>")
             continue
         category = inner.get(body, ATTRIBUTES[body.tag])
@@ -52,20 +53,15 @@ def read_entities(scope: Scope, catalogues: Catalogues) -> Iterator[Entity]:
             scope.refuse(item, message, "rename one of them")
             continue
         names[track] = name
+        towed = body.find("Trailer/TrailerRef")
+        if towed is not None and inner.get(towed, "entityRef", ""):
+            inner.refuse(towed, "another entity is towed, which is not played", "leave it out")
+            continue
         box = body.find("BoundingBox")
         if box is None:
             inner.refuse(body, f"'{name}' has no <BoundingBox>")
             continue
         yield _read_box(inner, name, CATEGORIES[category], box)
-
-
-def _find_body(scope: Scope, item: Element, catalogues: Catalogues) -> tuple[Scope, Element] | None:
-    body = next((child for child in item if child.tag != "ObjectController"), None)
-    if body is None:
-        return None
-    if body.tag == "CatalogReference":
-        return catalogues.find(scope, body)
-    return scope.nest(body), body
 
 
 def _read_box(scope: Scope, name: str, actor_class: ActorClass, box: Element) -> Entity:

@@ -7,11 +7,15 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from advercity.recordings.openscenario.document import Scope
-from advercity.recordings.openscenario.road_map import LanePlace, RoadMap, choose_straightest
+from advercity.recordings.openscenario.road_map import (
+    LanePlace,
+    RoadMap,
+    choose_on_route,
+    choose_straightest,
+)
+from advercity.recordings.openscenario.routes import Position, parse_route
 from advercity.recordings.openscenario.stage import Pose, Stage
 
-Position = Callable[[Stage], Pose]
-"""A place, found when it is needed."""
 MAX_PLACE_M = 1e7
 
 
@@ -132,7 +136,33 @@ def _parse_relative_road(scope: Scope, element: Element) -> Position:
     return find
 
 
-POSITIONS: Mapping[str, Callable[[Scope, Element], Position]] = {
+def _parse_on_route(scope: Scope, element: Element) -> Position | None:
+    holder = element.find("RouteRef")
+    at = element.find("InRoutePosition/FromLaneCoordinates")
+    if holder is None or at is None:
+        scope.refuse(element, "has no <RouteRef> or no <FromLaneCoordinates>")
+        return None
+    route = parse_route(scope, holder, parse_position)
+    lane, covered_m = _parse_lane_id(scope, at, "laneId"), scope.get_number(at, "pathS")
+    offset_m = scope.get_number(at, "laneOffset", 0.0)
+    orient = _parse_orientation(scope, element)
+    if route is None:
+        return None
+
+    def find(stage: Stage) -> Pose:
+        roads = _get_roads(stage, scope, element)
+        path = route.find_roads(stage)
+        choose = choose_on_route(path, lambda places: None)
+        place = roads.shift(route.find_begin(stage), covered_m, choose)
+        if place is None or place.road not in path:
+            stage.fail(scope, at, f"the route has no place at {covered_m:g} m")
+        place = place._replace(lane=lane, offset_m=offset_m)
+        return _place(stage, scope, element, place, orient)._replace(route=path)
+
+    return find
+
+
+POSITIONS: Mapping[str, Callable[[Scope, Element], Position | None]] = {
     "WorldPosition": _parse_world,
     "RelativeWorldPosition": _parse_relative_world,
     "RelativeObjectPosition": _parse_relative_object,
@@ -140,6 +170,7 @@ POSITIONS: Mapping[str, Callable[[Scope, Element], Position]] = {
     "RelativeLanePosition": _parse_relative_lane,
     "RoadPosition": _parse_road,
     "RelativeRoadPosition": _parse_relative_road,
+    "RoutePosition": _parse_on_route,
 }
 """Parsers by element."""
 

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from heapq import heappop, heappush
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +18,7 @@ from advercity.roads.opendrive.document import (
     Road,
 )
 from advercity.roads.opendrive.profiles import evaluate_profile
-from advercity.roads.opendrive.reference_line import sample_plan
+from advercity.roads.opendrive.reference_line import sample_offset_points, sample_plan
 
 BOUNDARY_M = 1e-6
 SLOPE_STEP_M = 0.05
@@ -83,10 +85,10 @@ class RoadMap:
 
     def locate_road(self, road: str, station_m: float, left_m: float) -> tuple[complex, float]:
         """Compute the point at a distance to the left of a road, and the road's heading there."""
-        points, headings = sample_plan(self._document.roads[road], np.array([station_m]))
-        heading = float(headings[0])
-        place = complex(*points[0]) + 1j * left_m * np.exp(1j * heading)
-        return complex(place), heading
+        found, at_m = self._document.roads[road], np.array([station_m])
+        points = sample_offset_points(found, at_m, np.array([[left_m]]))
+        _, headings = sample_plan(found, at_m)
+        return complex(*points[0, 0, :2]), float(headings[0])
 
     def locate(self, place: LanePlace) -> tuple[complex, float]:
         """Compute the point of a place, and the heading of who drives there along its lane."""
@@ -200,22 +202,25 @@ class RoadMap:
         return best[2] if best is not None and best[0] <= MAX_ASIDE_M else None
 
     def find_path(self, start: LanePlace, goal: LanePlace) -> list[str] | None:
-        """Find the fewest roads from a place to another one, both included; None if none lead."""
-        if start.road == goal.road:
-            return [start.road]
-        paths: dict[tuple[str, int], list[str]] = {(start.road, start.along): [start.road]}
-        queue = [start]
+        """Find the shortest way from a place to another one as roads, both included.
+
+        Returns:
+            Ids of the roads; None if none lead there.
+        """
+        order = count()
+        queue: list[tuple[float, int, LanePlace, tuple[str, ...]]] = []
+        heappush(queue, (0.0, next(order), start, (start.road,)))
+        seen: set[tuple[str, int]] = set()
         while queue:
-            place = queue.pop(0)
-            path = paths[place.road, place.along]
-            for follower in self._list_any_followers(place):
-                key = follower.road, follower.along
-                if key in paths:
-                    continue
-                paths[key] = [*path, follower.road]
-                if follower.road == goal.road:
-                    return paths[key]
-                queue.append(follower)
+            length_m, _, place, path = heappop(queue)
+            if place.road == goal.road:
+                return list(path)
+            if (place.road, place.along) in seen:
+                continue
+            seen.add((place.road, place.along))
+            for item in self._list_any_followers(place):
+                further_m = length_m + self._document.roads[item.road].length_m
+                heappush(queue, (further_m, next(order), item, (*path, item.road)))
         return None
 
     def _list_any_followers(self, place: LanePlace) -> Iterator[LanePlace]:
@@ -296,7 +301,9 @@ class RoadMap:
             ahead_m = local.real
         if abs(ahead_m) > 0.5:
             return None, 0.0, 0.0
-        return station_m, local.imag, heading
+        # Across a banked road, the way is longer than in the plan.
+        roll = float(evaluate_profile(road.superelevation, np.array([station_m]))[0])
+        return station_m, local.imag / math.cos(roll), heading
 
 
 def _bound_section(road: Road, index: int) -> tuple[float, float]:
@@ -346,3 +353,13 @@ def choose_straightest(roads: RoadMap, place: LanePlace) -> Chooser:
         return abs(math.remainder(ahead - heading, 2 * math.pi))
 
     return lambda followers: min(followers, key=measure_turn)
+
+
+def choose_on_route(route: Sequence[str], choose: Chooser) -> Chooser:
+    """Return a chooser of the way on a route; another one chooses where no way is on it."""
+
+    def choose_way(followers: Sequence[LanePlace]) -> LanePlace | None:
+        on_route = [item for item in followers if item.road in route]
+        return on_route[0] if on_route else choose(followers)
+
+    return choose_way

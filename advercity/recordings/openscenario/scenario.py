@@ -63,9 +63,10 @@ def read_scenario(
     _check_header(scope)
     findings.raise_problems()
     scope.audit(scope.source.root)
-    catalogues = Catalogues(scope, path.absolute().parent.parent if root is None else root)
-    movers = {entity.name: Mover(entity) for entity in read_entities(scope, catalogues)}
-    storyboard = StoryboardParser(scope, catalogues).parse()
+    folder = path.absolute().parent.parent if root is None else root
+    findings.find_entry = Catalogues(scope, folder).find
+    movers = {entity.name: Mover(entity) for entity in read_entities(scope)}
+    storyboard = StoryboardParser(scope).parse()
     logic = scope.source.root.find("RoadNetwork/LogicFile")
     named = scope.get(logic, "filepath") if logic is not None else None
     findings.raise_problems()

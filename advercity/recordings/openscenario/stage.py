@@ -1,7 +1,7 @@
 """State of a scenario while it is played: where its entities are, and which parts of it run."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, NoReturn, Protocol
 from xml.etree.ElementTree import Element
@@ -11,8 +11,10 @@ from advercity_dsl import ActorClass
 from advercity.diagnostics import DiagnosticsError
 from advercity.recordings.openscenario.document import Scope
 from advercity.recordings.openscenario.road_map import (
+    Chooser,
     LanePlace,
     RoadMap,
+    choose_on_route,
     choose_straightest,
 )
 
@@ -40,12 +42,14 @@ class Pose(NamedTuple):
         heading: In rad, counter-clockwise from east; NaN if it is that of the motion.
         level: How long what points ahead by 1 m is in the plan, by the pitch.
         lane: The same place on a lane, if it was given so.
+        route: Roads of the route on which it was given.
     """
 
     point: complex
     heading: float
     level: float = 1.0
     lane: LanePlace | None = None
+    route: tuple[str, ...] = ()
 
 
 class Sample(NamedTuple):
@@ -187,18 +191,16 @@ class Stage:
         turned = abs(math.remainder(pose.heading - ahead, 2 * math.pi))
         return found if turned < ACROSS_RAD else None
 
-    def choose_way(self, mover: Mover, place: LanePlace) -> Callable[..., LanePlace | None]:
+    def choose_way(self, mover: Mover, place: LanePlace) -> Chooser:
         """Return a chooser of ways through junctions: along the route, else straight on."""
         roads = self.open_map()
         assert roads is not None
         straightest = choose_straightest(roads, place)
 
-        def choose(followers: list[LanePlace]) -> LanePlace | None:
-            on_route = [item for item in followers if item.road in mover.route]
-            if not on_route:
-                name = "junction that is passed straight on, for want of a route"
-                plural = "junctions that are passed straight on, for want of a route"
-                self.scope.findings.ledger.leave_out(name, plural=plural)
-            return straightest(on_route or followers)
+        def choose(followers: Sequence[LanePlace]) -> LanePlace | None:
+            name = "junction that is passed straight on, for want of a route"
+            plural = "junctions that are passed straight on, for want of a route"
+            self.scope.findings.ledger.leave_out(name, plural=plural)
+            return straightest(followers)
 
-        return choose
+        return choose_on_route(mover.route, choose)

@@ -7,7 +7,6 @@ from typing import TypeVar
 from xml.etree.ElementTree import Element
 
 from advercity.recordings.openscenario.actions import Action, parse_actions
-from advercity.recordings.openscenario.catalogues import Catalogues
 from advercity.recordings.openscenario.conditions import ConditionParser, Trigger
 from advercity.recordings.openscenario.document import Scope
 from advercity.recordings.openscenario.elements import (
@@ -226,8 +225,8 @@ class Storyboard:
 class StoryboardParser:
     """Parses the storyboard of a document."""
 
-    def __init__(self, scope: Scope, catalogues: Catalogues) -> None:
-        self._scope, self._catalogues = scope, catalogues
+    def __init__(self, scope: Scope) -> None:
+        self._scope = scope
         self._conditions = ConditionParser()
         self._path: list[str] = []
         self._times_s: list[float] = []
@@ -249,7 +248,7 @@ class StoryboardParser:
             is_private = group.tag == "Private"
             name = parse_entity(self._scope, group) if is_private else ""
             elements = list(group) if is_private else [group]
-            for action in parse_actions(self._scope, elements, self._catalogues):
+            for action in parse_actions(self._scope, elements):
                 self._last_s = max(self._last_s, action.last_s)
                 yield name, action
 
@@ -279,8 +278,8 @@ class StoryboardParser:
         found: list[tuple[Scope, Element]] = [
             (scope.nest(item), item) for item in element.iterfind("Maneuver")
         ]
-        for reference in element.iterfind("CatalogReference"):
-            entry = self._catalogues.find(scope, reference)
+        if element.find("CatalogReference") is not None:
+            entry = scope.resolve(element)
             if entry is not None:
                 found.append(entry)
         with self._inside(scope, element):
@@ -312,7 +311,7 @@ class StoryboardParser:
     ) -> Iterator[tuple[StoryElement, Action]]:
         for item in element.iterfind("Action"):
             with self._inside(scope, item):
-                for action in parse_actions(scope, list(item), self._catalogues):
+                for action in parse_actions(scope, list(item)):
                     self._last_s = max(self._last_s, action.last_s)
                     yield self._register("action", StoryElement()), action
 

@@ -9,7 +9,6 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from advercity.recordings.openscenario.catalogues import Catalogues, resolve_element
 from advercity.recordings.openscenario.document import Scope
 from advercity.recordings.openscenario.positions import (
     Position,
@@ -78,11 +77,11 @@ class Follow:
         return timing.offset_s + timing.scale * self.last_s if timing is not None else 0.0
 
 
-def parse_follow(scope: Scope, element: Element, catalogues: Catalogues) -> Follow | None:
+def parse_follow(scope: Scope, element: Element) -> Follow | None:
     """Parse a `FollowTrajectoryAction`; None, and a problem, if it cannot be followed."""
     timing = _parse_timing(scope, element)
     holder = element.find("TrajectoryRef")
-    found = resolve_element(scope, element if holder is None else holder, "Trajectory", catalogues)
+    found = scope.resolve(element if holder is None else holder, "Trajectory")
     if found is None:
         return None
     inner, trajectory = found

@@ -8,7 +8,7 @@ from advercity.foreign.xml_documents import parse_xml
 from advercity.recordings.openscenario.road_map import LanePlace, RoadMap, choose_straightest
 from advercity.roads.opendrive.parsing import parse_opendrive
 from tests.recordings.openscenario.scenarios import write_opposite_roads
-from tests.roads.opendrive_maps import lane, road, section
+from tests.roads.opendrive_maps import cubic, lane, road, section
 
 
 def read_map(text: str) -> RoadMap:
@@ -39,3 +39,16 @@ def test_a_place_is_carried_into_a_road_that_leads_the_other_way(offset_m: float
     point, heading = roads.locate(moved)
     assert point == pytest.approx(215 + 1j * (-1.75 + offset_m))
     assert math.cos(heading) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("left_m", [-20.0, 12.5])
+def test_a_lane_of_a_banked_road_is_nearer_in_the_plan(left_m: float) -> None:
+    lanes = section(0.0, *(lane(number, "driving", 60.0) for number in (1, -1)))
+    bank = f"<lateralProfile>{cubic('superelevation', 0.0, math.pi / 3)}</lateralProfile>"
+    roads = read_map(road("1", 100.0, lanes, before_lanes=bank))
+
+    point, _ = roads.locate_road("1", 40.0, left_m)
+    assert point == pytest.approx(40 + 0.5j * left_m)
+    found = roads.find_nearest(point, 0.0)
+    assert found is not None
+    assert roads.find_left(found) == pytest.approx(left_m)
