@@ -92,7 +92,7 @@ def test_an_extent_is_in_the_world_whatever_the_side(tmp_path: Path) -> None:
 def test_the_declaration_overrules_the_map(tmp_path: Path) -> None:
     found = import_street(tmp_path, {"driving_side": "left"}, driving_side="right")
     assert found.driving_side == "right"
-    with pytest.raises(ValueError, match="`driving_side` is for OpenStreetMap maps"):
+    with pytest.raises(ValueError, match="`driving_side` is for OpenStreetMap and Lanelet2 maps"):
         MapFile(source="sumo", file="a.net.xml", driving_side="left")
 
 
