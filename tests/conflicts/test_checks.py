@@ -123,7 +123,7 @@ MISTAKES = {
     "V8 an actor that would come too late": (
         "conflicts/ltap_od_ego_turns.yaml",
         "actor_speed_km_h: {draw: {uniform: [30, 80]}",
-        "actor_speed_km_h: {draw: 4",
+        "actor_speed_km_h: {draw: 1",
         "s to the point, but the ego is there after",
     ),
     "V9 a conflict that always misses": (
