@@ -104,6 +104,7 @@ def build_plain_network(
         lanes={
             key: lines for name, own in lanes.items() for key, lines in list_lane_lines(name, own)
         },
+        paths={},
         outlines=list(_list_outlines(topology, lanelets)),
         crosswalks=[(float(x), float(y)) for x, y, _ in crosswalks],
     )
