@@ -7,6 +7,7 @@ import shapely
 
 from advercity.roads.network_file import (
     LaneConnection,
+    PaintedStripe,
     PavedOutline,
     SumoEdge,
     SumoJunction,
@@ -30,6 +31,7 @@ class ImportedNetwork:
         junctions: Junctions by id.
         lane_links: Connections from street to street.
         outlines: Paving inside junctions, as the map has it.
+        stripes: Painted lines, if the map has them.
     """
 
     edges: dict[str, SumoEdge]
@@ -40,6 +42,7 @@ class ImportedNetwork:
     junctions: dict[str, SumoJunction]
     lane_links: tuple[LaneConnection, ...]
     outlines: tuple[PavedOutline, ...]
+    stripes: tuple[PaintedStripe, ...]
 
     @classmethod
     def from_network(cls, network: SumoNetwork) -> "ImportedNetwork":
@@ -65,6 +68,7 @@ class ImportedNetwork:
                 if link.from_edge in streets and link.to_edge in streets
             ),
             outlines=network.outlines,
+            stripes=network.stripes,
         )
 
     def find_opposite_edge(self, edge: SumoEdge) -> SumoEdge | None:

@@ -7,7 +7,7 @@ are at the right of the approach.
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 import shapely
@@ -29,7 +29,7 @@ from advercity.roads.imported_surface import ImportedSurface, build_surface_mesh
 from advercity.roads.lane_segments import LaneSegment
 from advercity.roads.levels import split_levels
 from advercity.roads.markings import PAINT_KINDS, WHITE, YELLOW
-from advercity.roads.network_file import SumoEdge, SumoLane, parse_packed_network
+from advercity.roads.network_file import PaintedStripe, SumoEdge, SumoLane, parse_packed_network
 from advercity.roads.pedestrian_lights import place_pedestrian_lights
 from advercity.roads.signals import TrafficLight, TrafficSign
 from advercity.roads.streets import StreetLayout, approach_name
@@ -45,9 +45,10 @@ CUT_MARGIN_M = 0.1
 def build_imported_markings(net: ImportedNetwork, surface: ImportedSurface) -> list[Mesh]:
     """Build all paint, a mesh per colour."""
     pieces: dict[str, list[TriangleSurface]] = {WHITE: [], YELLOW: []}
-    for edge in net.edges.values():
-        for colour, piece in _edge_lines(edge, net):
-            pieces[colour].append(piece)
+    own = (_map_lines(item) for item in net.stripes)
+    derived = (_edge_lines(edge, net) for edge in net.edges.values())
+    for colour, piece in chain.from_iterable(own if net.stripes else derived):
+        pieces[colour].append(piece)
     for edge in _edges_with_stop_line(net):
         pieces[WHITE] += _stop_line(edge)
     pieces[WHITE].append(_build_crossings(net, surface))
@@ -66,6 +67,15 @@ def _build_crossings(net: ImportedNetwork, surface: ImportedSurface) -> Triangle
                     bars.append(shapely.Polygon(np.vstack([left, right[::-1]])))
                     heights.append(float(lane.centre[:, 2].mean()))
     return move_surface(surface.drape(bars, heights), markings.MARKING_LIFT)
+
+
+def _map_lines(stripe: PaintedStripe) -> Iterator[tuple[str, TriangleSurface]]:
+    line = StationedPolyline.from_points(stripe.line)
+    is_broken = stripe.mark in markings.BROKEN_PAINTS
+    pieces = markings.dash_intervals(line.length_m) if is_broken else [(0.0, line.length_m)]
+    for first, last in pieces:
+        paint = _stripe(line.cut(first, last, margin_m=CUT_MARGIN_M).points)
+        yield markings.MARKING_MATERIALS[stripe.mark], paint
 
 
 def _edge_lines(edge: SumoEdge, net: ImportedNetwork) -> Iterator[tuple[str, TriangleSurface]]:

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 from advercity_dsl import MapFile
-from advercity_dsl.road import MapPlace
+from advercity_dsl.road import MapPlace, RoadMark
 from advercity_dsl.units import Point2
 
 from advercity.geometry.polyline import Points, polyline_stations
@@ -72,6 +72,7 @@ class MapPlan:
         lanes: Lines of lanes by SUMO's id, where netconvert would simplify them.
         paths: Lines of ways through junctions.
         outlines: Kind and ring (n, 3) of paving inside junctions.
+        stripes: Mark and line (n, 3) of all painted lines; none where the map does not have them.
     """
 
     conversion: Conversion
@@ -83,6 +84,7 @@ class MapPlan:
     lanes: Mapping[str, LaneLines] = field(default_factory=dict[str, LaneLines])
     paths: Mapping[LaneLink, LaneLines] = field(default_factory=dict[LaneLink, LaneLines])
     outlines: Sequence[tuple[str, Points]] = ()
+    stripes: Sequence[tuple[RoadMark, Points]] = ()
 
     def complete(self, net: Element) -> None:
         """Add to a converted network, in place, the lines and outlines that netconvert cannot."""
@@ -97,8 +99,8 @@ class MapPlan:
                 ends = np.cumsum([0.0, *(float(lane.attrib["length"]) for lane in lanes)])
                 for lane, part in zip(lanes, pairwise((ends / ends[-1]).tolist()), strict=True):
                     self.paths[link].cut(*part).write(lane)
-        for number, (kind, ring) in enumerate(self.outlines):
-            shape = format_shape(ring)
+        for number, (kind, line) in enumerate((*self.outlines, *self.stripes)):
+            shape = format_shape(line)
             SubElement(net, "poly", {"id": f"{kind}_{number}", "type": kind, "shape": shape})
 
 

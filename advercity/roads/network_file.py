@@ -13,6 +13,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import shapely
+from advercity_dsl.road import RoadMark
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
@@ -29,6 +30,8 @@ DEFAULT_LANE_WIDTH_M = 3.2
 MIN_POINT_SPACING_M = 0.01
 """Points of a centre line that are closer in the plan would give its borders random directions."""
 
+STRIPE_MARKS = frozenset(RoadMark)
+"""Types of polygons that are painted lines; others are paving."""
 CLOSED_KINDS = {"parking": "parking", "curb": "sidewalk"}
 """Kinds of lanes that cars may not use, by type; the others are shoulders."""
 
@@ -188,6 +191,14 @@ class PavedOutline:
     ring: Points
 
 
+@dataclass(frozen=True, eq=False)
+class PaintedStripe:
+    """Middle (n, 3) of a painted line, as the map has it."""
+
+    mark: RoadMark
+    line: Points
+
+
 @dataclass(frozen=True)
 class LaneConnection:
     """A connection from one lane into the next.
@@ -267,6 +278,7 @@ class SumoNetwork:
     connections: tuple[LaneConnection, ...]
     programs: tuple[SignalProgram, ...]
     outlines: tuple[PavedOutline, ...] = ()
+    stripes: tuple[PaintedStripe, ...] = ()
 
     @property
     def lanes(self) -> Iterator[SumoLane]:
@@ -310,6 +322,12 @@ def parse_network(root: Element) -> SumoNetwork:
             outlines=tuple(
                 PavedOutline(item.attrib["type"], _parse_shape(item.attrib["shape"]))
                 for item in root.iter("poly")
+                if item.get("type") not in STRIPE_MARKS
+            ),
+            stripes=tuple(
+                PaintedStripe(RoadMark(item.get("type")), _parse_shape(item.attrib["shape"]))
+                for item in root.iter("poly")
+                if item.get("type") in STRIPE_MARKS
             ),
         )
     except KeyError as error:

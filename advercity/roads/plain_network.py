@@ -1,11 +1,12 @@
 """Networks in SUMO's plain XML, which importers of lane maps write and netconvert compiles."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from xml.etree.ElementTree import Element
 
 from advercity_dsl import Road
-from advercity_dsl.road import MapPlace
+from advercity_dsl.road import MapPlace, RoadMark
 from advercity_dsl.units import Point2
 
 from advercity.errors import InputError
@@ -35,6 +36,7 @@ class PlainNetwork:
         paths: Lines of ways through junctions.
         outlines: Kind and ring (n, 3) of paving inside junctions.
         crosswalks: Middles of the crosswalks of the map.
+        stripes: Mark and line (n, 3) of all painted lines; none where the map does not have them.
     """
 
     nodes: Element
@@ -45,6 +47,7 @@ class PlainNetwork:
     paths: dict[LaneLink, LaneLines]
     outlines: list[tuple[str, Points]]
     crosswalks: list[tuple[float, float]]
+    stripes: Sequence[tuple[RoadMark, Points]] = ()
 
     def plan(self, road: Road, side: Side, origin_m: Point2, place: MapPlace | None) -> MapPlan:
         """Build the plan of a map that is this network in the plan frame.
@@ -74,4 +77,5 @@ class PlainNetwork:
             lanes=self.lanes,
             paths=self.paths,
             outlines=self.outlines,
+            stripes=self.stripes,
         )

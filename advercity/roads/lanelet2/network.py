@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
 import numpy as np
+from advercity_dsl.road import RoadMark
 
 from advercity.geometry.polyline import Points
 from advercity.roads.lanelet2.lanelets import Lanelet
@@ -84,12 +85,24 @@ class LaneletTopology:
                 keys = [(self.graph.sections[key.section], lane) for key, lane in path.inside]
                 yield [section.lanelets[lane] for section, lane in keys]
 
+    def list_unused(self) -> Iterator[Lanelet]:
+        """List the driven lanelets inside junctions that no way leads over."""
+        used = {(key.section, lane) for path in self.paths for key, lane in path.inside}
+        for section, parts in enumerate(self.pieces):
+            is_inside = any(part.is_inside for part in parts)
+            for lane, item in enumerate(self.graph.sections[section].lanelets):
+                if is_inside and item.is_driven and (section, lane) not in used:
+                    yield item
+
 
 def build_plain_network(
-    lanelets: Sequence[Lanelet], rules: RightOfWay, crosswalks: Sequence[Points]
+    topology: LaneletTopology,
+    lanelets: Sequence[Lanelet],
+    rules: RightOfWay,
+    crosswalks: Sequence[Points],
+    stripes: Sequence[tuple[RoadMark, Points]],
 ) -> PlainNetwork:
-    """Build the network of lanelets."""
-    topology = LaneletTopology.of_lanelets(lanelets)
+    """Build the network of a topology, with the paving of all lanelets."""
     lanes = {name: street.lanes for name, street in topology.map.streets.items()}
     nodes = _Nodes(topology, lanes, rules)
     return PlainNetwork(
@@ -107,6 +120,7 @@ def build_plain_network(
         paths={},
         outlines=list(_list_outlines(topology, lanelets)),
         crosswalks=[(float(x), float(y)) for x, y, _ in crosswalks],
+        stripes=stripes,
     )
 
 

@@ -4,6 +4,7 @@ from xml.etree.ElementTree import Element
 
 import shapely
 from advercity_dsl import MapFile, Road
+from shapely import LineString
 
 from advercity.foreign.ledger import Ledger
 from advercity.geometry.mirroring import mirror_points
@@ -15,8 +16,9 @@ from advercity.roads.lanelet2.lanelets import (
     list_crosswalks,
     read_lanelets,
 )
-from advercity.roads.lanelet2.network import build_plain_network
+from advercity.roads.lanelet2.network import LaneletTopology, build_plain_network
 from advercity.roads.lanelet2.omissions import record_omissions
+from advercity.roads.lanelet2.paint import list_stripes
 from advercity.roads.lanelet2.placing import PlacedNodes, place_nodes
 from advercity.roads.lanelet2.rules import RightOfWay
 from advercity.roads.map_plan import MapPlan, Side, place_extent
@@ -39,14 +41,22 @@ def plan_lanelet2(root: Element, road: Road, declared: MapFile, ledger: Ledger) 
     placed = place_nodes(document.nodes, road, ledger)
     lanelets = read_lanelets(document, placed.points, ledger)
     crosswalks = list(list_crosswalks(document, placed.points))
+    stripes = list(list_stripes(document, placed.points))
     side = _find_driving_side(lanelets, placed, declared, ledger)
     if side == "left":
         lanelets = tuple(item.mirror for item in lanelets)
         crosswalks = [mirror_points(item) for item in crosswalks]
+        stripes = [(mark, mirror_points(line)) for mark, line in stripes]
     box = place_extent(declared, placed.origin_m, side)
     if box is not None:
         lanelets = tuple(item for item in lanelets if shapely.box(*box).intersects(item.area))
-    plain = build_plain_network(lanelets, RightOfWay(document), crosswalks)
+        stripes = [item for item in stripes if shapely.box(*box).intersects(LineString(item[1]))]
+    topology = LaneletTopology.of_lanelets(lanelets)
+    for item in topology.list_unused():
+        name = "lanelet in a junction that leads nowhere (paved, not driven)"
+        plural = "lanelets in junctions that lead nowhere (paved, not driven)"
+        ledger.leave_out(name, plural=plural, at=document.lanelets[item.id].line)
+    plain = build_plain_network(topology, lanelets, RightOfWay(document), crosswalks, stripes)
     return plain.plan(road, side, placed.origin_m, placed.place)
 
 
