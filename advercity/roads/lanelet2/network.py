@@ -1,7 +1,7 @@
 """The SUMO network of a Lanelet2 map, as plain XML that netconvert compiles."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
@@ -84,6 +84,11 @@ class LaneletTopology:
             if path.inside and self.map.lanes_at[path.origin[0]][1] == name:
                 keys = [(self.graph.sections[key.section], lane) for key, lane in path.inside]
                 yield [section.lanelets[lane] for section, lane in keys]
+
+    def list_apart(self, lanelets: Iterable[Lanelet]) -> Iterator[Lanelet]:
+        """List the lanelets, for others than motor vehicles, that are beside no street."""
+        used = {item.id for section in self.graph.sections for item in section.lanelets}
+        return (item for item in lanelets if item.id not in used)
 
     def list_unused(self) -> Iterator[Lanelet]:
         """List the driven lanelets inside junctions that no way leads over."""
@@ -222,10 +227,8 @@ def _list_outlines(
         for part in parts:
             if part.is_inside:
                 yield from map(_outline, section.cut(part.begins, part.ends))
-    used = {item.id for section in topology.graph.sections for item in section.lanelets}
-    for item in lanelets:
-        if item.id not in used:
-            yield _outline(CrossSection((item,)).cut(0.0, 1.0)[0])
+    for item in topology.list_apart(lanelets):
+        yield _outline(CrossSection((item,)).cut(0.0, 1.0)[0])
 
 
 def _outline(lane: PlainLane) -> tuple[str, Points]:

@@ -1,10 +1,14 @@
 """Parts of a Lanelet2 map that are not taken over."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import pairwise
 from xml.etree.ElementTree import Element
 
 from advercity.foreign.ledger import Ledger
 from advercity.foreign.standards import apply_disposition, load_standard
+from advercity.roads.lanelet2.document import LaneletDocument, Way
+from advercity.roads.lanelet2.lanelets import Lanelet
+from advercity.roads.lanelet2.network import LaneletTopology
 from advercity.roads.osm_map import read_tags
 
 RELATION_KINDS: Mapping[str, str] = {
@@ -31,3 +35,43 @@ def record_omissions(root: Element, ledger: Ledger) -> None:
             role = member.get("role", "")
             unknown = f"left out: member as {role[:40]!r} | members as {role[:40]!r}"
             apply_disposition(roles.get(role, unknown), "", member, ledger)
+
+
+def record_unused(
+    document: LaneletDocument,
+    topology: LaneletTopology,
+    lanelets: Iterable[Lanelet],
+    ledger: Ledger,
+) -> None:
+    """Record lanelets that nobody uses, and lines between lanes that are crossed all the same."""
+    for item in topology.list_unused():
+        name = "lanelet in a junction that leads nowhere (paved, not driven)"
+        plural = "lanelets in junctions that lead nowhere (paved, not driven)"
+        ledger.leave_out(name, plural=plural, at=document.lanelets[item.id].line)
+    for item in topology.list_apart(lanelets):
+        name = "lanelet apart from streets (paved, not used)"
+        plural = "lanelets apart from streets (paved, not used)"
+        ledger.leave_out(name, plural=plural, at=document.lanelets[item.id].line)
+    for way in dict.fromkeys(_list_barriers(document, topology)):
+        name = "line that forbids to change lanes (lanes are changed all the same)"
+        plural = "lines that forbid to change lanes (lanes are changed all the same)"
+        ledger.leave_out(name, plural=plural, at=way.line)
+
+
+def _list_barriers(document: LaneletDocument, topology: LaneletTopology) -> Iterator[Way]:
+    """List the ways between lanes of one direction that may not be crossed in both."""
+    for section in topology.graph.sections:
+        for left, right in pairwise(section.lanelets):
+            if not (left.is_driven and right.is_driven):
+                continue
+            ways = (
+                {ref for side in ("left", "right") for ref in relation.list_members(side, "way")}
+                for relation in (document.lanelets[left.id], document.lanelets[right.id])
+            )
+            shared = set.intersection(*ways)
+            yield from (way for ref in sorted(shared) if not _may_cross(way := document.ways[ref]))
+
+
+def _may_cross(way: Way) -> bool:
+    usual = "yes" if way.tags.get("subtype") == "dashed" else "no"
+    return way.tags.get("lane_change", usual) == "yes"

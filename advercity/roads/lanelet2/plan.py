@@ -17,7 +17,7 @@ from advercity.roads.lanelet2.lanelets import (
     read_lanelets,
 )
 from advercity.roads.lanelet2.network import LaneletTopology, build_plain_network
-from advercity.roads.lanelet2.omissions import record_omissions
+from advercity.roads.lanelet2.omissions import record_omissions, record_unused
 from advercity.roads.lanelet2.paint import list_stripes
 from advercity.roads.lanelet2.placing import PlacedNodes, place_nodes
 from advercity.roads.lanelet2.rules import RightOfWay
@@ -52,10 +52,7 @@ def plan_lanelet2(root: Element, road: Road, declared: MapFile, ledger: Ledger) 
         lanelets = tuple(item for item in lanelets if shapely.box(*box).intersects(item.area))
         stripes = [item for item in stripes if shapely.box(*box).intersects(LineString(item[1]))]
     topology = LaneletTopology.of_lanelets(lanelets)
-    for item in topology.list_unused():
-        name = "lanelet in a junction that leads nowhere (paved, not driven)"
-        plural = "lanelets in junctions that lead nowhere (paved, not driven)"
-        ledger.leave_out(name, plural=plural, at=document.lanelets[item.id].line)
+    record_unused(document, topology, lanelets, ledger)
     plain = build_plain_network(topology, lanelets, RightOfWay(document), crosswalks, stripes)
     return plain.plan(road, side, placed.origin_m, placed.place)
 

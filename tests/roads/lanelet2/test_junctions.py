@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from advercity.foreign.ledger import describe_left_out
 from advercity.roads.network_file import SumoNetwork
 from tests.roads.lanelet2_maps import (
     LaneletMap,
@@ -13,6 +14,7 @@ from tests.roads.lanelet2_maps import (
     find_streets,
     get_street,
     import_lanelets,
+    import_text,
     member,
 )
 
@@ -184,6 +186,49 @@ def test_a_stop_sign_on_one_road_stops_that_one(tmp_path: Path) -> None:
     assert get_node(network, west)[1] == "priority_stop"
     states = {it.from_edge.strip("+-"): it.state for it in network.connections if it.via}
     assert (states[f"lanelet_{west}"], states[f"lanelet_{south}"]) == ("M", "s")
+
+
+def describe(lanelets: LaneletMap, folder: Path) -> str:
+    return describe_left_out(import_text(folder, lanelets.write()).left_out)
+
+
+@pytest.mark.parametrize(
+    ("tags", "is_told"),
+    [
+        ({"subtype": "dashed"}, False),
+        ({"subtype": "solid"}, True),
+        ({"subtype": "solid", "lane_change": "yes"}, False),
+        ({"subtype": "dashed", "lane_change": "no"}, True),
+    ],
+)
+def test_lines_that_lanes_are_changed_across_against_the_map_are_told(
+    tags: dict[str, str], is_told: bool, tmp_path: Path
+) -> None:
+    lanelets = LaneletMap()
+    ways = [
+        lanelets.way([(0, y), (80, y)], "line_thin", **(tags if y == 3.5 else {}))
+        for y in (7.0, 3.5, 0.0)
+    ]
+    for left, right in pairwise(ways):
+        lanelets.lanelet(left, right)
+
+    assert ("1 line that forbids to change lanes" in describe(lanelets, tmp_path)) is is_told
+
+
+def test_lanelets_that_nobody_uses_are_told(tmp_path: Path) -> None:
+    lanelets = LaneletMap()
+    lanelets.lane(*row((5, -40), (5, 40)))
+    for first, last, borders in ((-60, 0, 3), (0, 10, 3), (10, 60, 2)):
+        # The left one of two lanes ends in the junction.
+        ways = [lanelets.way([(first, y), (last, y)]) for y in (3.5, 0.0, -3.5)[3 - borders :]]
+        for left, right in pairwise(ways):
+            lanelets.lanelet(left, right)
+    lanelets.lane([(70, 0), (70, 30)], [(72, 0), (72, 30)], subtype="walkway")
+
+    told = describe(lanelets, tmp_path)
+
+    assert "1 lanelet in a junction that leads nowhere (paved, not driven)" in told
+    assert "1 lanelet apart from streets (paved, not used)" in told
 
 
 def test_a_lanelet_for_both_directions_is_two_streets(tmp_path: Path) -> None:
