@@ -21,10 +21,30 @@ from tests.recordings.recorded_files import (
     write_street,
 )
 from tests.roads.imported_roads import DATA
+from tests.roads.lanelet2_maps import LaneletMap
 from tests.roads.sumo_networks import build_crossing_network
 from tests.traffic.sumo_scenario_files import write_sumo_scenario
 
 SHIPPED = find_shipped_library()
+
+
+def test_a_table_drives_on_the_lanelet2_map_that_it_comes_with(
+    advercity: Command, tmp_path: Path
+) -> None:
+    lanelets = LaneletMap()
+    middle, *edges = (lanelets.way([(-50.0, y), (250.0, y)]) for y in (0.0, 4.0, -4.0))
+    for edge in edges:
+        lanelets.lanelet(middle, edge, (), subtype="road")
+    (tmp_path / "street.osm").write_text(lanelets.write())
+
+    ran = advercity(
+        *("import", "trajectories", write_interaction(tmp_path), "--map", tmp_path / "street.osm"),
+        *("--ego", "1", "--name", "hill", "--looks", "shaped", "--output", tmp_path / "out"),
+    )
+
+    assert ran.code == 0, ran.err
+    road = yaml.safe_load((tmp_path / "out/road.yaml").read_text())
+    assert road["imported"]["source"] == "lanelet2"
 
 
 def test_a_table_becomes_specs_that_are_run_and_verified(
