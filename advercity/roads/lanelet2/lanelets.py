@@ -6,12 +6,13 @@ from functools import cached_property
 
 import numpy as np
 import shapely
+from advercity_dsl.road.extent import MAX_SITE_M
 from shapely.geometry.base import BaseGeometry
 
 from advercity.foreign.ledger import Ledger
-from advercity.geometry.polyline import Points
+from advercity.geometry.polyline import Points, polyline_length
 from advercity.roads.lane_uses import LaneUse
-from advercity.roads.lanelet2.document import LaneletDocument, Relation, join_ways
+from advercity.roads.lanelet2.document import LaneletDocument, Relation, fault, join_ways
 from advercity.roads.lanelet2.uses import find_use, find_usual_limit_m_s, parse_limit_m_s
 from advercity.roads.network_file import build_enclosed_area
 
@@ -131,6 +132,8 @@ def _read_lanelet(
     rules = frozenset(item.list_members("regulatory_element", "relation"))
     if use is None:
         return None
+    if max(polyline_length(bound.points) for bound in (left, right)) > MAX_SITE_M:
+        raise fault(item, f"a lanelet that is longer than {MAX_SITE_M:g} m")
     turned = _orient(left, right)
     if turned is None:
         ledger.leave_out("lanelet without width", plural="lanelets without width", at=item.line)

@@ -3,11 +3,13 @@
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from advercity_dsl.road import RoadMark
 
+from advercity.errors import InputError
 from advercity.geometry.polyline import Points
 from advercity.roads.lanelet2.lanelets import Lanelet
 from advercity.roads.lanelet2.overlaps import find_overlaps
@@ -35,6 +37,8 @@ from advercity.roads.plain_network import PlainNetwork
 
 APPROACH_M = 25.0
 """Distance before a junction within which rules of lanelets are its own."""
+MAX_STREETS_M = 500_000.0
+"""Total length of the streets of a map; a larger one would fill the memory."""
 MIN_STEP_M = 1.0
 """Length that a lanelet counts as at least, so that tiny ones have an end."""
 OUTLINE_KINDS = {"driving": "roadway", "shoulder": "roadway", "sidewalk": "sidewalk"}
@@ -65,6 +69,20 @@ class LaneletTopology:
                 return LaneletTopology(graph, pieces, paths, found)
             pieces = mark_inside(pieces, inner)
 
+    @cached_property
+    def _paths_into(self) -> dict[str, list[LanePath]]:
+        found: dict[str, list[LanePath]] = defaultdict(list)
+        for path in self.paths:
+            found[self.map.lanes_at[path.target[0]][0]].append(path)
+        return found
+
+    @cached_property
+    def _paths_out_of(self) -> dict[str, list[LanePath]]:
+        found: dict[str, list[LanePath]] = defaultdict(list)
+        for path in self.paths:
+            found[self.map.lanes_at[path.origin[0]][1]].append(path)
+        return found
+
     def list_lanelets_before(self, name: str, reach_m: float) -> Iterator[Lanelet]:
         """List the lanelets within a distance from the end of a street, also of those before it."""
         for section, begins, ends in reversed(self.map.streets[name].parts):
@@ -72,16 +90,15 @@ class LaneletTopology:
                 return
             yield from section.lanelets
             reach_m -= max(section.length_m * (ends - begins), MIN_STEP_M)
-        if reach_m > 0:
-            for path in self.paths:
-                before = self.map.lanes_at[path.origin[0]][1]
-                if not path.inside and self.map.lanes_at[path.target[0]][0] == name != before:
-                    yield from self.list_lanelets_before(before, reach_m)
+        for path in self._paths_into.get(name, ()) if reach_m > 0 else ():
+            before = self.map.lanes_at[path.origin[0]][1]
+            if not path.inside and before != name:
+                yield from self.list_lanelets_before(before, reach_m)
 
     def list_ways(self, name: str) -> Iterator[list[Lanelet]]:
         """List the lanelets of every way through the junction at the end of a street."""
-        for path in self.paths:
-            if path.inside and self.map.lanes_at[path.origin[0]][1] == name:
+        for path in self._paths_out_of.get(name, ()):
+            if path.inside:
                 keys = [(self.graph.sections[key.section], lane) for key, lane in path.inside]
                 yield [section.lanelets[lane] for section, lane in keys]
 
@@ -107,7 +124,14 @@ def build_plain_network(
     crosswalks: Sequence[Points],
     stripes: Sequence[tuple[RoadMark, Points]],
 ) -> PlainNetwork:
-    """Build the network of a topology, with the paving of all lanelets."""
+    """Build the network of a topology, with the paving of all lanelets.
+
+    Raises:
+        InputError: Its streets are too long together.
+    """
+    total_m = sum(street.length_m for street in topology.map.streets.values())
+    if total_m > MAX_STREETS_M:
+        raise InputError(f"its streets are longer than {MAX_STREETS_M / 1000:g} km together")
     lanes = {name: street.lanes for name, street in topology.map.streets.items()}
     nodes = _Nodes(topology, lanes, rules)
     return PlainNetwork(

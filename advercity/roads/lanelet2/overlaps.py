@@ -30,11 +30,10 @@ class Overlap:
 
 def find_overlaps(sections: Sequence[CrossSection]) -> Iterator[Overlap]:
     """Find the pairs of cross-sections whose driven lanelets overlap on one level."""
-    owners, lanes = zip(
-        *((k, lane) for k, item in enumerate(sections) for lane in item.lanelets if lane.is_driven),
-        strict=True,
-    )
-    areas = np.array([shapely.buffer(lane.area, -OVERLAP_M / 2) for lane in lanes])
+    owners = [k for k, item in enumerate(sections) for it in item.lanelets if it.is_driven]
+    lanes = [it for item in sections for it in item.lanelets if it.is_driven]
+    whole = np.array([lane.area for lane in lanes], dtype=np.object_)
+    areas = shapely.buffer(whole, -OVERLAP_M / 2)
     middles = [_build_middle(lane) for lane in lanes]
     for first, second in shapely.STRtree(areas).query(areas, predicate="intersects").T.tolist():
         if first < second and owners[first] != owners[second]:

@@ -65,10 +65,6 @@ class LaneGraph:
             if (other := axes.get(item.lanelets[0].left.nodes[::-1])) is not None
         }
 
-    def get_lanelet(self, key: LaneKey) -> Lanelet:
-        """Return the lanelet of a lane."""
-        return self.sections[key.section].lanelets[key.lane]
-
     def list_neighbours(self, section: int, ahead: bool) -> set[int]:
         """List the cross-sections that driven lanes of one lead into, or that lead into them."""
         links = self.following if ahead else self.preceding

@@ -1,6 +1,6 @@
 """Cross-sections of lanelets side by side, and pieces of them with paired borders."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,6 +18,10 @@ from advercity.roads.plain_edges import PlainLane
 
 STEP_M = 1.0
 """Largest distance between points of bounds that are paired with each other."""
+MIN_STEP_M = 1e-3
+"""Points of a bound that are closer have no direction."""
+MAX_PAIRS = 1_000_000
+"""Most pairs of points that are compared at once; longer lanelets are cut for it."""
 MAX_ERROR_M = 0.01
 """Largest distance between a bound and the border that is made of it."""
 
@@ -60,6 +64,13 @@ def join_sections(lanelets: Iterable[Lanelet]) -> list[CrossSection]:
     return sections
 
 
+def join_lanes(lanes: Sequence[PlainLane]) -> PlainLane:
+    """Join lanes in a row; the points where two meet are in both."""
+    lines = [[lane.left for lane in lanes], [lane.right for lane in lanes]]
+    left, right = (np.concatenate([one[0], *(line[1:] for line in one[1:])]) for one in lines)
+    return PlainLane(lanes[0].use, lanes[0].speed_m_s, left, right)
+
+
 def _index(
     lanelets: Iterable[Lanelet], get_bound: Callable[[Lanelet], Bound]
 ) -> dict[tuple[str, ...], Lanelet]:
@@ -85,6 +96,9 @@ def _follow(
 
 def _cut_lane(lane: Lanelet, begins: float, ends: float) -> PlainLane:
     left, right = (_cut_bound(bound, begins, ends) for bound in (lane.left, lane.right))
+    if len(left) * len(right) > MAX_PAIRS:
+        middle = (begins + ends) / 2
+        return join_lanes([_cut_lane(lane, begins, middle), _cut_lane(lane, middle, ends)])
     pairs = pair_points(left, right)
     kept = simplify_together([left[pairs[:, 0]], right[pairs[:, 1]]], MAX_ERROR_M)
     first, second = pairs[kept].T
@@ -95,8 +109,9 @@ def _cut_bound(bound: Bound, begins: float, ends: float) -> Points:
     """Cut a bound at fractions of its length, into steps of at most `STEP_M`."""
     line = StationedPolyline.from_points(bound.points)
     first_m, last_m = begins * line.length_m, ends * line.length_m
-    inner = line.stations_m[(line.stations_m > first_m + 1e-3) & (line.stations_m < last_m - 1e-3)]
+    inner = line.stations_m[(line.stations_m > first_m) & (line.stations_m < last_m - MIN_STEP_M)]
     corners = np.array([first_m, *inner, last_m])
+    corners = corners[np.concatenate([[True], np.diff(corners) > MIN_STEP_M])]
     steps = np.maximum(np.ceil(np.diff(corners) / STEP_M), 1).astype(int)
     spans = zip(pairwise(corners), steps, strict=True)
     stations = [np.linspace(a, b, count, endpoint=False) for (a, b), count in spans]

@@ -5,13 +5,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-import numpy as np
-
-from advercity.geometry.polyline import Points
 from advercity.roads.lanelet2.lanelets import Lanelet
 from advercity.roads.lanelet2.overlaps import Overlap
 from advercity.roads.lanelet2.pieces import MIN_STREET_M, LaneGraph, LanePath, Piece, PieceKey
-from advercity.roads.lanelet2.sections import CrossSection
+from advercity.roads.lanelet2.sections import CrossSection, join_lanes
 from advercity.roads.opendrive.links import EndGroups
 from advercity.roads.plain_edges import PlainLane
 
@@ -38,7 +35,7 @@ class Street:
     def lanes(self) -> tuple[PlainLane, ...]:
         """Its lanes from the right."""
         cut = [section.cut(begins, ends) for section, begins, ends in self.parts]
-        return tuple(_join_lanes(lanes) for lanes in zip(*cut, strict=True))
+        return tuple(join_lanes(lanes) for lanes in zip(*cut, strict=True))
 
     @property
     def length_m(self) -> float:
@@ -49,11 +46,6 @@ class Street:
     def first_lanelets(self) -> tuple[Lanelet, ...]:
         """Lanelets at its begin, from the right."""
         return self.parts[0][0].lanelets[::-1]
-
-    @property
-    def last_lanelets(self) -> tuple[Lanelet, ...]:
-        """Lanelets at its end, from the right."""
-        return self.parts[-1][0].lanelets[::-1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,17 +204,3 @@ def _build_streets(
     half, middle = len(parts) // 2, (MIDDLE, chain[0])
     yield Street(tuple(parts[:half]), begins, middle)
     yield Street(tuple(parts[half:]), middle, ends)
-
-
-def _join_lanes(lanes: Sequence[PlainLane]) -> PlainLane:
-    return PlainLane(
-        lanes[0].use,
-        lanes[0].speed_m_s,
-        _join([lane.left for lane in lanes]),
-        _join([lane.right for lane in lanes]),
-    )
-
-
-def _join(lines: Sequence[Points]) -> Points:
-    """Join lines in a row; the point where two meet is in both."""
-    return np.concatenate([lines[0], *(line[1:] for line in lines[1:])])

@@ -232,3 +232,33 @@ def test_mistakes_are_told_with_their_place(
 
     with pytest.raises(InputError, match=re.escape(message)):
         import_text(tmp_path, lanelets.write().replace(old, new))
+
+
+def test_a_map_of_walkways_alone_has_no_lane_for_cars(tmp_path: Path) -> None:
+    lanelets = LaneletMap()
+    lanelets.lane(line(3.0), line(0.0), subtype="walkway")
+
+    with pytest.raises(InputError, match="has no lane for cars"):
+        import_text(tmp_path, lanelets.write())
+
+
+def test_a_lanelet_longer_than_a_site_is_refused(tmp_path: Path) -> None:
+    lanelets = LaneletMap()
+    lanelets.lane([(0.0, 3.0), (11_000.0, 3.0)], [(0.0, 0.0), (11_000.0, 0.0)])
+
+    with pytest.raises(InputError, match="relation 1003: a lanelet that is longer than 10000 m"):
+        import_text(tmp_path, lanelets.write())
+
+
+def test_a_long_lanelet_keeps_its_bounds(tmp_path: Path) -> None:
+    lanelets = LaneletMap()
+    bounds = [[(float(x), y + x * x / 4000) for x in range(0, 1500, 20)] for y in (3.0, 0.0)]
+    name = lanelets.lane(*bounds)
+
+    (lane,) = get_street(import_lanelets(tmp_path, lanelets), name).lanes
+
+    # At a grade of 1 in 2, half way, a lane 3 m high is 3 / sqrt(1.25) m wide.
+    half = lane.centre[np.abs(lane.centre[:, 0] - 1000).argmin()]
+    assert half[1] == pytest.approx(half[0] ** 2 / 4000 + 1.5, abs=0.05)
+    found = np.interp([250.0, 1310.0], *lane.left_border[:, :2].T)
+    assert found == pytest.approx([3 + 250**2 / 4000, 3 + 1310**2 / 4000], abs=0.05)
