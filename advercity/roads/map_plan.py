@@ -1,21 +1,25 @@
 """Plans of maps: all that an import needs of a format, in metres, with traffic on the right."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-from advercity_dsl import MapFile
+from advercity_dsl import MapFile, Road
 from advercity_dsl.road import MapPlace, RoadMark
 from advercity_dsl.units import Point2
 
+from advercity.errors import InputError
 from advercity.geometry.polyline import Points, polyline_stations
 from advercity.roads.map_conversion import Conversion
 from advercity.roads.sumo_xml import BORDER_ATTRIBUTES, format_metres, format_shape
 
 Side = Literal["left", "right"]
+EARTH_RADIUS_M = 6_371_000.0
+MAX_MAP_DISTANCE_M = 20_000.0
+"""Longest distance from the road's origin to its map; a plane fits the globe to centimetres."""
 
 
 LaneLink = tuple[str, int, str, int]
@@ -146,3 +150,19 @@ def build_extent_options(
     if box is None:
         return {}
     return {"keep-edges.in-boundary": ",".join(f"{value:.3f}" for value in box)}
+
+
+def check_distance(degrees: Iterable[Point2], road: Road) -> None:
+    """Check that the middle of a map, by latitudes and longitudes, is near the road's origin.
+
+    Raises:
+        InputError: It is not.
+    """
+    latitude, longitude = np.mean(list(degrees), axis=0)
+    north, east = np.radians([latitude - road.origin_lat_deg, longitude - road.origin_lon_deg])
+    away = EARTH_RADIUS_M * float(np.hypot(north, east * np.cos(np.radians(latitude))))
+    if not away < MAX_MAP_DISTANCE_M:
+        raise InputError(
+            f"is {away / 1000:.0f} km from the road's origin; declare"
+            f" `origin_lat_deg: {latitude:.5f}` and `origin_lon_deg: {longitude:.5f}`, its middle"
+        )

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-import numpy as np
 import sumo
 from advercity_dsl import MapFile, Road
 
@@ -19,7 +18,7 @@ from advercity.roads.driving_sides import find_left_hand_region
 from advercity.roads.imported_crossings import discard_unmarked, get_guess_options
 from advercity.roads.map_conversion import CAR_OPTIONS, WALKED_CLASSES, Conversion, convert
 from advercity.roads.map_names import get_map_id
-from advercity.roads.map_plan import MapPlan, Side, build_extent_options
+from advercity.roads.map_plan import MapPlan, Side, build_extent_options, check_distance
 from advercity.roads.osm_bus_lanes import select_bus_lanes
 from advercity.roads.osm_levels import set_heights
 from advercity.roads.osm_map import REMOVED_TYPE, OsmMap, add_sidewalks, mark_paths, read_tags
@@ -27,9 +26,6 @@ from advercity.roads.osm_mirror import mirror_tags
 from advercity.roads.osm_roundabouts import round_roundabouts
 from advercity.roads.osm_tags import audit_extract, audit_widths
 
-EARTH_RADIUS_M = 6_371_000.0
-MAX_MAP_DISTANCE_M = 20_000.0
-"""Longest distance from the road's origin to its map; a plane fits the globe to centimetres."""
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90, 180
 METRES = {"osm-files": "map.xml", "proj": "!"}
 """Options for a document in metres, which is not projected."""
@@ -142,11 +138,4 @@ def _check_places(root: Element, road: Road) -> None:
                 f" {longitude:g}; latitudes are -{MAX_LATITUDE_DEG} to {MAX_LATITUDE_DEG} degrees,"
                 f" longitudes -{MAX_LONGITUDE_DEG} to {MAX_LONGITUDE_DEG}"
             )
-    latitude, longitude = np.mean(nodes, axis=0)
-    north, east = np.radians([latitude - road.origin_lat_deg, longitude - road.origin_lon_deg])
-    away = EARTH_RADIUS_M * float(np.hypot(north, east * np.cos(np.radians(latitude))))
-    if not away < MAX_MAP_DISTANCE_M:
-        raise InputError(
-            f"is {away / 1000:.0f} km from the road's origin; declare"
-            f" `origin_lat_deg: {latitude:.5f}` and `origin_lon_deg: {longitude:.5f}`, its middle"
-        )
+    check_distance(nodes, road)

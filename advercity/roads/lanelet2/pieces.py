@@ -20,7 +20,7 @@ STUB_M = 5.0
 """Length of a street that the map cuts off inside a junction."""
 
 
-class LaneKey(NamedTuple):
+class SectionLane(NamedTuple):
     """A lane of a cross-section, by the index of both."""
 
     section: int
@@ -32,6 +32,10 @@ class PieceKey(NamedTuple):
 
     section: int
     piece: int
+
+
+LanePiece = tuple[PieceKey, int]
+"""A piece of a cross-section, and the index of a lane in it."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +52,13 @@ class LaneGraph:
 
     def __init__(self, sections: Sequence[CrossSection]) -> None:
         self.sections = sections
-        begins: dict[tuple[bool, tuple[str, str]], list[LaneKey]] = {}
+        begins: dict[tuple[bool, tuple[str, str]], list[SectionLane]] = {}
         for key, lane in self._list_lanes():
             begins.setdefault((lane.is_driven, lane.begins), []).append(key)
-        self.following: dict[LaneKey, list[LaneKey]] = {
+        self.following: dict[SectionLane, list[SectionLane]] = {
             key: begins.get((lane.is_driven, lane.ends), []) for key, lane in self._list_lanes()
         }
-        self.preceding: dict[LaneKey, list[LaneKey]] = {key: [] for key in self.following}
+        self.preceding: dict[SectionLane, list[SectionLane]] = {key: [] for key in self.following}
         for key, found in self.following.items():
             for other in found:
                 self.preceding[other].append(key)
@@ -72,13 +76,13 @@ class LaneGraph:
             other.section
             for lane, item in enumerate(self.sections[section].lanelets)
             if item.is_driven
-            for other in links[LaneKey(section, lane)]
+            for other in links[SectionLane(section, lane)]
         }
 
-    def _list_lanes(self) -> Iterator[tuple[LaneKey, Lanelet]]:
+    def _list_lanes(self) -> Iterator[tuple[SectionLane, Lanelet]]:
         for index, section in enumerate(self.sections):
             for lane, item in enumerate(section.lanelets):
-                yield LaneKey(index, lane), item
+                yield SectionLane(index, lane), item
 
 
 def cut_sections(graph: LaneGraph, overlaps: Sequence[Overlap]) -> list[tuple[Piece, ...]]:
@@ -142,9 +146,9 @@ class LanePath:
         inside: Pieces and lanes inside a junction on the way; none where streets touch.
     """
 
-    origin: tuple[PieceKey, int]
-    target: tuple[PieceKey, int]
-    inside: tuple[tuple[PieceKey, int], ...]
+    origin: LanePiece
+    target: LanePiece
+    inside: tuple[LanePiece, ...]
 
 
 class PathFinder:
@@ -162,36 +166,35 @@ class PathFinder:
                     if not part.is_inside:
                         yield from self._follow((PieceKey(section, index), lane))
 
-    def _follow(self, origin: tuple[PieceKey, int]) -> Iterator[LanePath]:
-        came_from: Mapping[tuple[PieceKey, int], tuple[PieceKey, int]]
-        came_from = found = {origin: origin}
+    def _follow(self, origin: LanePiece) -> Iterator[LanePath]:
+        came_from = {origin: origin}
         pending = [origin]
         while pending:
             here = pending.pop(0)
             for following in self._list_following(*here):
-                if following in found:
+                if following in came_from:
                     continue
-                found[following] = here
+                came_from[following] = here
                 (section, index), _ = following
                 if self._pieces[section][index].is_inside:
                     pending.append(following)
                 else:
                     yield LanePath(origin, following, _trace(came_from, origin, here))
 
-    def _list_following(self, key: PieceKey, lane: int) -> Iterator[tuple[PieceKey, int]]:
+    def _list_following(self, key: PieceKey, lane: int) -> Iterator[LanePiece]:
         if key.piece + 1 < len(self._pieces[key.section]):
             yield PieceKey(key.section, key.piece + 1), lane
             return
-        for other in self._graph.following[LaneKey(key.section, lane)]:
+        for other in self._graph.following[SectionLane(key.section, lane)]:
             yield PieceKey(other.section, 0), other.lane
 
 
 def _trace(
-    came_from: Mapping[tuple[PieceKey, int], tuple[PieceKey, int]],
-    origin: tuple[PieceKey, int],
-    last: tuple[PieceKey, int],
-) -> tuple[tuple[PieceKey, int], ...]:
-    way: list[tuple[PieceKey, int]] = []
+    came_from: Mapping[LanePiece, LanePiece],
+    origin: LanePiece,
+    last: LanePiece,
+) -> tuple[LanePiece, ...]:
+    way: list[LanePiece] = []
     while last != origin:
         way.append(last)
         last = came_from[last]

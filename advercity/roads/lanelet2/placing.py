@@ -21,11 +21,10 @@ from advercity.roads.georeference import (
     locate_origin,
     project,
 )
+from advercity.roads.map_plan import check_distance
 from advercity.roads.osm_map import read_tags
 
 LOCAL_KEYS = ("local_x", "local_y")
-MAX_DISTANCE_M = 20_000.0
-"""Longest distance from the road's origin to its map."""
 MAX_SHIFT_M = 1.0
 """Difference between local coordinates and UTM up to which their axes are the same."""
 
@@ -64,7 +63,7 @@ def place_nodes(nodes: Mapping[str, Element], road: Road, ledger: Ledger) -> Pla
         place = _locate_local(nodes, plan, origin_m, ledger)
     else:
         degrees = {name: _read_point(it, it.attrib, ("lat", "lon")) for name, it in nodes.items()}
-        _check_near(degrees.values(), road)
+        check_distance(degrees.values(), road)
         zone = find_utm_zone(road.origin_lat_deg, road.origin_lon_deg)
         east_m, north_m = project(zone, road.origin_lat_deg, road.origin_lon_deg)
         plan = {
@@ -116,17 +115,6 @@ def _locate_local(
         ledger.leave_out(name, at=next(iter(nodes.values())))
         return None
     return locate_origin(zone, *(shift + origin_m).tolist())
-
-
-def _check_near(degrees: Iterable[Point2], road: Road) -> None:
-    latitude, longitude = np.mean(list(degrees), axis=0)
-    north, east = latitude - road.origin_lat_deg, longitude - road.origin_lon_deg
-    away_m = 111_195.0 * math.hypot(north, east * math.cos(math.radians(latitude)))
-    if not away_m < MAX_DISTANCE_M:
-        raise InputError(
-            f"is {away_m / 1000:.0f} km from the road's origin; declare"
-            f" `origin_lat_deg: {latitude:.5f}` and `origin_lon_deg: {longitude:.5f}`, its middle"
-        )
 
 
 def _read_point(node: Element, values: Mapping[str, str], keys: tuple[str, str]) -> Point2:
