@@ -35,7 +35,7 @@ class PlainLane:
         use: Who may use it.
         speed_m_s: Its limit.
         left: Left border (n, 3).
-        right: Right border (n, 3), a point beside each of the left one.
+        right: Right border (n, 3), with a point opposite each of the left one.
     """
 
     use: LaneUse
@@ -136,7 +136,7 @@ def build_connections(
         paths: The lane that each leaves, the lane that it enters, and its middle (n, 3) if it
             leads through a junction; of equal ones, the first is taken.
         edges: Names of all edges.
-        uncrossed: Names of the nodes where pedestrians cross nothing.
+        uncrossed: Names of the nodes without paths that pedestrians could cross.
     """
     root = Element("connections")
     connected: set[str] = set()

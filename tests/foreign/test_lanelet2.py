@@ -1,4 +1,4 @@
-"""What of Lanelet2 maps is read, and what is listed as left out."""
+"""Parts of Lanelet2 maps that are read, and those that are listed as left out."""
 
 from typing import Any
 from xml.etree.ElementTree import tostring
@@ -58,7 +58,7 @@ def test_every_part_has_a_disposition() -> None:
         assert {(row, value) for value in values} <= named
 
 
-def test_nothing_of_a_plain_map_is_left_out() -> None:
+def test_a_plain_map_has_no_part_that_is_left_out() -> None:
     assert describe(build_map()) == ""
 
 

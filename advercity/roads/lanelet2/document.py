@@ -28,7 +28,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Member:
-    """What a relation refers to, and as what."""
+    """An element that a relation refers to, and its role."""
 
     kind: str
     ref: str

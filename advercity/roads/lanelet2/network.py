@@ -103,7 +103,7 @@ class LaneletTopology:
                 yield [section.lanelets[lane] for section, lane in keys]
 
     def list_apart(self, lanelets: Iterable[Lanelet]) -> Iterator[Lanelet]:
-        """List the lanelets, for others than motor vehicles, that are beside no street."""
+        """List the lanelets, without motor traffic, that share no bound with a street."""
         used = {item.id for section in self.graph.sections for item in section.lanelets}
         return (item for item in lanelets if item.id not in used)
 
@@ -187,7 +187,7 @@ class _Nodes:
         return self._names[self._groups.find(end)]
 
     def list_uncrossed(self) -> Iterator[str]:
-        """List the nodes where pedestrians cross nothing."""
+        """List the nodes without paths to cross."""
         return (name for group, name in self._names.items() if group not in self._crossed)
 
     def build(self) -> Element:

@@ -43,7 +43,7 @@ def record_unused(
     lanelets: Iterable[Lanelet],
     ledger: Ledger,
 ) -> None:
-    """Record lanelets that nobody uses, and lines between lanes that are crossed all the same."""
+    """Record unused lanelets, and lines that forbid lane changes but do not prevent them."""
     for item in topology.list_unused():
         name = "lanelet in a junction that leads nowhere (paved, not driven)"
         plural = "lanelets in junctions that lead nowhere (paved, not driven)"

@@ -1,6 +1,6 @@
 """Cross-sections cut into streets and the insides of junctions, and which follow each other.
 
-Lanelet2 knows no junctions: they are where driven lanelets overlap others that are not beside them.
+Lanelet2 knows no junctions. They are where driven lanelets overlap others that are no neighbours.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence

@@ -15,7 +15,7 @@ YIELDS, USUAL, HAS_RIGHT_OF_WAY = 0, 1, 2
 
 @dataclass(frozen=True)
 class Approach:
-    """What rules say of the end of a street."""
+    """Rules at the end of a street."""
 
     priority: int = USUAL
     must_stop: bool = False
@@ -29,7 +29,7 @@ class RightOfWay:
         self._rules = {name: _Rule.read(item, document) for name, item in document.rules.items()}
 
     def find(self, before: Iterable[Lanelet], ways: Sequence[Sequence[Lanelet]]) -> Approach:
-        """Find what rules say of the end of a street.
+        """Find the rules at the end of a street.
 
         Args:
             before: Lanelets that lead to the end.

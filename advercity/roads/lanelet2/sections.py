@@ -44,7 +44,7 @@ class CrossSection:
 
 
 def join_sections(lanelets: Iterable[Lanelet]) -> list[CrossSection]:
-    """Join driven lanelets, and those of cyclists and walkers beside them, that share bounds."""
+    """Join driven lanelets, and neighbours for cyclists and walkers, that share bounds."""
     driven = [item for item in lanelets if item.is_driven]
     others = [it for item in lanelets if not item.is_driven for it in (item, item.reverse)]
     at_left = _index(driven + others, lambda item: item.left)

@@ -1,4 +1,4 @@
-"""Streets: pieces of cross-sections in a row, as far as nothing changes, and the nodes between."""
+"""Streets: pieces of cross-sections in a row with the same lanes, and the nodes between."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence

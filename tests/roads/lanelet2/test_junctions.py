@@ -215,7 +215,7 @@ def test_lines_that_lanes_are_changed_across_against_the_map_are_told(
     assert ("1 line that forbids to change lanes" in describe(lanelets, tmp_path)) is is_told
 
 
-def test_lanelets_that_nobody_uses_are_told(tmp_path: Path) -> None:
+def test_unused_lanelets_are_told(tmp_path: Path) -> None:
     lanelets = LaneletMap()
     lanelets.lane(*row((5, -40), (5, 40)))
     for first, last, borders in ((-60, 0, 3), (0, 10, 3), (10, 60, 2)):
