@@ -213,7 +213,7 @@ class DatasetFuzzer:
 
     def _collect_facts(self) -> None:
         for manifest in self._dataset.glob(f"*/{MANIFEST_FILE}"):
-            collect_scenario_facts(manifest.parent)
+            collect_scenario_facts(Scenario(manifest.parent))
 
     def _resume(self, identity: Identity, *, fresh: bool) -> None:
         spec, frames = self._recording.spec, self._recording.frames

@@ -20,6 +20,7 @@ from advercity.conflicts.case import (
     ActorPlacement,
     ConflictCase,
     ParticipantSampler,
+    UnsolvableError,
     sample_parameters,
 )
 from advercity.conflicts.ego_motion import EgoDrive, NominalMotion
@@ -226,6 +227,8 @@ def _build_staged_conflict(
     case: ConflictCase, typology: str, place: ActorPlacement
 ) -> StagedConflict:
     conflict, drive = case.conflict, case.drive
+    if place.station_m <= drive.start_m:
+        raise UnsolvableError("the ego starts beyond the place where it would meet the actor")
     speed = compute_actor_speed_m_s(case, place)
     others = build_bystanders(case, place.station_m)
     at_s = drive.motion.time_at(place.station_m)

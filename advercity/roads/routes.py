@@ -280,9 +280,13 @@ class RoutePlanner:
         return fitting
 
     def is_along_axis(self, streets: Sequence[str], index: int) -> bool:
-        """Whether a route follows the axis of one of its streets; a single street does."""
+        """Whether a route follows the axis of one of its streets.
+
+        A single street does, unless it is one-way against its axis.
+        """
         if len(streets) == 1:
-            return True
+            strips = self.streets[streets[0]].strips_in_direction(along=True)
+            return any(strip.kind is StripKind.LANE for strip in strips)
         if index + 1 < len(streets):
             junction = self.find_junction(streets[index], streets[index + 1])
             return self.streets[streets[index]].ends == junction

@@ -233,7 +233,7 @@ def test_no_conflict_has_a_parameter_outside_its_declared_range(copied: Path):
         for conflict in spec.conflicts
     ]
 
-    assert len(conflicts) == 10 + 62 + 6
+    assert len(conflicts) == 2 * (1 + 1 + 1 + 2 + 3) + 62 + 6
     for conflict in conflicts:
         for name, (low, high) in conflict.declared.items():
             value = conflict.parameters[name]

@@ -1,15 +1,18 @@
 """Where solved conflicts take place, and from where the ego sees the actor."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from advercity_dsl import Spec, Vehicle
+from advercity_dsl import Conflict, Spec, Vehicle
 from advercity_dsl.units import KM_H_PER_M_S
 
 from advercity.compiler.crossing import compile_library
-from advercity.conflicts.ego_motion import NominalMotion, build_ego_drive
-from advercity.conflicts.solver import build_car_outline, compute_sight_distance_m
+from advercity.compiler.library import load_library
+from advercity.conflicts.case import UnsolvableError
+from advercity.conflicts.ego_motion import EgoDrive, NominalMotion, build_ego_drive
+from advercity.conflicts.solver import build_car_outline, compute_sight_distance_m, solve_conflict
 from advercity.roads.routes import RoutePath, RoutePlanner
 from advercity.roads.signals import find_declared_green_s
 from advercity.roads.sumo_network import write_sumo_network
@@ -83,3 +86,24 @@ def test_drifting_actors_start_clear_of_connected_vehicles(free_flow: dict[str, 
                 other_length_m = spec.blueprints[agent.blueprint or ""].length_m
                 gap_m = abs(other_m - start_m) - (length_m + other_length_m) / 2
                 assert gap_m > 2.5, (spec.id, agent.id)  # SUMO's at standstill
+
+
+def test_an_ego_that_starts_beyond_the_conflict_point_cannot_meet_the_actor(
+    library: Path, specs: dict[str, Spec]
+):
+    spec = specs["ri_clear_day_sparse"]
+    staged = spec.conflicts[0]
+    conflict = load_library(library).get_declarations(Conflict)[staged.conflict]
+    drive = build_ego_drive(spec.road)
+    begun = replace(drive, start_m=drive.start_m + staged.station_m)
+    ego = spec.blueprints[spec.ego.blueprint or ""]
+
+    def solve(drive: EgoDrive):
+        return solve_conflict(
+            *(conflict, staged.typology, drive, spec.blueprints),
+            **{"ego": ego, "seed": 1, "key": "tried", "index": 1, "not_before_s": 0.0},
+        )
+
+    solve(drive)
+    with pytest.raises(UnsolvableError, match="the ego starts beyond the place"):
+        solve(begun)
