@@ -83,20 +83,19 @@ def test_repeats_are_scenarios_that_differ_in_traffic_and_share_it_over_weathers
 
 def test_at_the_limit_an_ego_cannot_always_stop_in_sight(library: Path, tmp_path: Path) -> None:
     """At 90 km/h, 1.5 s and 0.8 g take 77.4 m; fog_day has a visibility of 75 m."""
-    header = "kind: suite\nid: fast\nextends: free_flow\nroads: [ui, rsnj]\n"
+    header = "kind: suite\nid: fast\nextends: free_flow\nroads: [ui, rsnj]\nrepeats: 1\n"
     (tmp_path / "fast.yaml").write_text(header + "weathers: [clear_day, fog_day]\n")
 
-    compiled = compile_library(library, tmp_path, suite="fast")
-    fast = [spec for spec in compiled if spec.provenance.repeat == 1]
+    fast = compile_library(library, tmp_path, suite="fast")
 
     stopping = {spec.id: compute_stopping_distance(spec) for spec in fast}
     assert {name: found.can_stop_in_sight for name, found in stopping.items()} == {
-        "ui_clear_day_free_flow_r1": True,
-        "ui_fog_day_free_flow_r1": True,
-        "rsnj_clear_day_free_flow_r1": True,
-        "rsnj_fog_day_free_flow_r1": False,
+        "ui_clear_day_free_flow": True,
+        "ui_fog_day_free_flow": True,
+        "rsnj_clear_day_free_flow": True,
+        "rsnj_fog_day_free_flow": False,
     }
-    assert stopping["rsnj_clear_day_free_flow_r1"].distance_m == pytest.approx(77.4, abs=0.5)
+    assert stopping["rsnj_clear_day_free_flow"].distance_m == pytest.approx(77.4, abs=0.5)
     assert {street.speed_limit_km_h for spec in fast for street in spec.road.streets.values()} == {
         50,
         90,
