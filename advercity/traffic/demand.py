@@ -25,7 +25,6 @@ from advercity.roads.lane_graph import (
 from advercity.roads.network_file import SumoLane
 from advercity.roads.streets import approach_name
 from advercity.traffic.blueprint_fractions import draw_by_fraction
-from advercity.traffic.driving_styles import MEDIAN_STYLE, DrivingStyle, draw_driving_style
 from advercity.traffic.paints import CONNECTED_PAINT, draw_paint
 from advercity.traffic.pedestrians import PedestrianTrip, draw_pedestrian_trips
 from advercity.traffic.placement import (
@@ -63,7 +62,6 @@ class VehicleTrip:
         acceleration_limits_m_s2: Maximum acceleration and braking; None takes its class's.
         waits_s: Time for which it waits at its start.
         speed_zones: Stretches with a speed limit of its own, measured from its start.
-        style: How its driver differs from others.
         trailer: Semi-trailer that it tows; SUMO's vehicle is both.
         trailer_heading_rad: Heading of the semi-trailer at the start.
     """
@@ -79,7 +77,6 @@ class VehicleTrip:
     acceleration_limits_m_s2: tuple[float, float] | None = None
     waits_s: float = 0.0
     speed_zones: tuple[SpeedZone, ...] = ()
-    style: DrivingStyle = MEDIAN_STYLE
     trailer: TowedTrailer | None = None
     trailer_heading_rad: float = 0.0
 
@@ -130,11 +127,7 @@ class TrafficDemand:
 
 
 def draw_demand(
-    spec: Spec,
-    graph: LaneGraph,
-    redraws: Mapping[int, int] | None = None,
-    *,
-    crossing_share: float | None = None,
+    spec: Spec, graph: LaneGraph, redraws: Mapping[int, int] | None = None
 ) -> TrafficDemand:
     """Draw the demand of a scenario, a pure function of its traffic seed, road and numbers.
 
@@ -144,7 +137,6 @@ def draw_demand(
         spec: The scenario.
         graph: Lanes of the road.
         redraws: Number of draws to pass over, by id of a background actor that blocked another.
-        crossing_share: Fraction of the people who set out to cross; None is the declared one.
 
     Raises:
         InputError: A start, route or blueprint does not exist, or the road has no room for all.
@@ -166,13 +158,7 @@ def draw_demand(
             _build_staged_trip(item, spec, graph, occupancy) for item in staged if item.route
         ),
         vehicles=tuple(_draw_background_trips(spec, graph, occupancy, vehicles, redraws)),
-        walkers=draw_pedestrian_trips(
-            spec,
-            graph,
-            max(spec.demand.walkers - on_foot, 0),
-            redraws,
-            crossing_share=crossing_share,
-        ),
+        walkers=draw_pedestrian_trips(spec, graph, max(spec.demand.walkers - on_foot, 0), redraws),
         scripted=tuple(_build_staged_actor(item, spec) for item in staged if not item.route),
     )
 
@@ -321,17 +307,26 @@ def _draw_background_trips(
         actor = _draw_actor(spec, number)
         trailer = build_towed_trailer(spec, actor)
         length_m = trailer.lorry_length_m if trailer else actor.size[0]
-        free = (item for item in starts if occupancy.has_room(*item, length_m))
-        start = next(free, None) if index < starting else None
-        if start is not None:
-            starts.remove(start)
-            occupancy.occupy(*start, length_m)
-        if redraws.get(number, 0):
-            # One that was in the way enters at the edge. Its start stays empty: nobody else moves.
-            start = None
+        start: tuple[SumoLane, float] | None = None
+        for attempt in range(redraws.get(number, 0) + 1):
+            shuffled = starts if attempt == 0 else _shuffle_starts(spec, starts, number, attempt)
+            free = (item for item in shuffled if occupancy.has_room(*item, length_m))
+            start = next(free, None) if index < starting else None
+            if start is not None:
+                # A start that is passed over stays empty, so that no other vehicle moves.
+                starts.remove(start)
+                occupancy.occupy(*start, length_m)
         if start is not None or graph.entry_lanes:
             trip = _draw_trip(spec, graph, actor, start, redraws.get(number, 0), length_m)
             yield _add_trailer(trip, trailer, graph) if trailer else trip
+
+
+def _shuffle_starts(
+    spec: Spec, starts: list[tuple[SumoLane, float]], number: int, attempt: int
+) -> list[tuple[SumoLane, float]]:
+    shuffled = list(starts)
+    create_generator(spec.seeds.traffic, "places", number, attempt).shuffle(shuffled)
+    return shuffled
 
 
 def _draw_trip(
@@ -357,7 +352,6 @@ def _draw_trip(
         start_speed_m_s=0.0 if start else min(ENTRY_SPEED_M_S, factor * lane.speed_limit_m_s / 2),
         speed_factor=factor,
         top_speed_m_s=slow if actor.actor_class == "bicycle" else MAX_BACKGROUND_SPEED_M_S,
-        style=draw_driving_style(spec.seeds.traffic, actor.id),
     )
 
 

@@ -17,10 +17,7 @@ from advercity.traffic.pedestrians import PedestrianTrip
 
 @dataclass(frozen=True)
 class CarFollowing:
-    """How a class of vehicle drives: Krauss' car-following model.
-
-    Each driver has ratios of its own to these values. SUMO's own dawdling depends on all others in
-    a lane, so the drivers' changes of speed are commanded (`DrivingStyle.sway_at`).
+    """How a class of vehicle drives: Krauss' car-following model without dawdling.
 
     Attributes:
         sumo_class: SUMO's vehicle class.
@@ -42,14 +39,13 @@ class CarFollowing:
 
 
 CAR_FOLLOWING: Mapping[ActorClass, CarFollowing] = {
-    "car": CarFollowing("passenger", 2.2, 4.5),
-    "van": CarFollowing("delivery", 2.0, 4.0),
-    "truck": CarFollowing("truck", 1.2, 3.5, headway_s=1.3),
-    "bicycle": CarFollowing("bicycle", 1.0, 2.5, standing_gap_m=1.0, alignment="right"),
-    "motorcycle": CarFollowing("motorcycle", 2.8, 4.5, standing_gap_m=1.5),
+    "car": CarFollowing("passenger", 2.2, 3.0),
+    "van": CarFollowing("delivery", 2.0, 3.0),
+    "truck": CarFollowing("truck", 1.2, 2.5, headway_s=1.3),
+    "bicycle": CarFollowing("bicycle", 1.0, 2.0, standing_gap_m=1.0, alignment="right"),
+    "motorcycle": CarFollowing("motorcycle", 2.8, 3.0, standing_gap_m=1.5),
 }
-"""Driving by class, for the median driver; the gap is that at a red light, while the original's 5 m
-apply at the start."""
+"""Driving by class; the gap is that at a red light, while the original's 5 m apply at the start."""
 CONNECTED_CAR_FOLLOWING = CarFollowing("passenger", 2.5, 3.0, standing_gap_m=3.0)
 EMERGENCY_EXTRA_M_S2 = 4.0
 """Emergency braking less everyday braking."""
@@ -90,16 +86,7 @@ def write_route_file(
 
 def find_driving(trip: VehicleTrip, *, is_connected: bool = False) -> CarFollowing:
     """Find how a vehicle drives in clear weather."""
-    if is_connected:
-        return CONNECTED_CAR_FOLLOWING
-    driving, style = CAR_FOLLOWING[trip.actor.actor_class], trip.style
-    return replace(
-        driving,
-        acceleration_m_s2=style.acceleration_ratio * driving.acceleration_m_s2,
-        deceleration_m_s2=style.braking_ratio * driving.deceleration_m_s2,
-        headway_s=style.headway_ratio * driving.headway_s,
-        standing_gap_m=style.gap_ratio * driving.standing_gap_m,
-    )
+    return CONNECTED_CAR_FOLLOWING if is_connected else CAR_FOLLOWING[trip.actor.actor_class]
 
 
 def apply_driver_response(driving: CarFollowing, caution: DriverResponse | None) -> CarFollowing:
@@ -147,7 +134,7 @@ def _add_vehicle_type(root: Element, trip: VehicleTrip, driving: CarFollowing) -
         minGap=driving.standing_gap_m,
         maxSpeed=trip.top_speed_m_s,
         speedFactor=factor,
-        # No chance: dry runs rely on a second run doing the same, whatever others do.
+        # No chance: dry runs rely on a second run doing the same.
         speedDev=0,
         sigma=0,
         latAlignment=driving.alignment,

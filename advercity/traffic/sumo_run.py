@@ -130,7 +130,6 @@ class _SumoRun:
             for trip in demand.trips
             for name in (str(trip.actor.id),)
         }
-        self._swaying = {str(trip.actor.id): trip for trip in demand.vehicles}
         self._graph = graph
         warm_up, tick_s = spec.timing.warm_up_ticks, spec.timing.tick_s
         self._responses = {
@@ -163,7 +162,6 @@ class _SumoRun:
             self._actors.record_pedestrians(tick, libsumo.person.getIDList())
             self._signals.record()
             self._apply_speed_limits(vehicles, speeds)
-            self._sway_speeds(vehicles, tick)
             self._ignore_followers(vehicles)
         return SumoRecording(
             tracks=self._actors.build_fronts(self._spec.timing.tick_s),
@@ -218,8 +216,8 @@ class _SumoRun:
                 domain.setDecel(name, limits.deceleration_m_s2)
                 domain.setEmergencyDecel(name, limits.max_emergency_braking_m_s2)
                 domain.setTau(name, limits.headway_s)
-            if name in self._swaying:
-                self._swaying[name] = slowed
+                if slowed.speed_factor is not None:
+                    domain.setSpeedFactor(name, slowed.speed_factor)
             profile = SpeedProfile.from_trip(trip, self._graph, response.usual_m_s2)
             self._limiters[name].change(profile, slowed.top_speed_m_s)
 
@@ -251,14 +249,6 @@ class _SumoRun:
                     f"SUMO finds no room for vehicle {trip.actor.id} on lane"
                     f" {trip.edges[0]}_{trip.lane} at {trip.front_position_m:.1f} m"
                 )
-
-    def _sway_speeds(self, vehicles: Sequence[str], tick: int) -> None:
-        """Let drivers want to be a little faster or slower at each moment."""
-        for name in vehicles:
-            trip = self._swaying.get(name)
-            if trip is not None and trip.speed_factor is not None:
-                sway = trip.style.sway_at(tick * self._spec.timing.tick_s)
-                libsumo.vehicle.setSpeedFactor(name, trip.speed_factor * sway)
 
     def _apply_speed_limits(self, vehicles: Sequence[str], speeds: Sequence[float]) -> None:
         tick_s = self._spec.timing.tick_s

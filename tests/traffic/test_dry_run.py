@@ -250,7 +250,7 @@ def test_a_scenario_that_ends_before_its_conflict_says_what_to_change(
         )
 
     assert (
-        "the ego does not cross the path of conflict_1 (ped_farside_crossing) before it arrives or"
+        "the ego does not cross the path of conflict_1 (ped_nearside_crossing) before it arrives or"
         " the scenario ends, 6.5 s after the start (max_ticks 65); raise timing.max_ticks or lower"
         " the density"
     ) in str(caught.value)
@@ -258,16 +258,16 @@ def test_a_scenario_that_ends_before_its_conflict_says_what_to_change(
 
 def test_the_message_names_blocking_and_blocked_actors(specs: dict[str, Spec]):
     spec = specs["ri_clear_day_sparse"]
-    cyclist = spec.conflicts[1].actors[0].number
+    cyclist = spec.conflicts[0].actors[0].number
 
     message = format_blockages(
         spec, {Blockage(1007, cyclist), Blockage(cyclist, 1008), Blockage(102, cyclist)}
     )
 
     assert message.startswith(
-        f"cav2 (102) blocks bicycle {cyclist} of conflict_2 (cyc_nearside_obstructed),"
-        f" 1007 blocks bicycle {cyclist} of conflict_2 (cyc_nearside_obstructed),"
-        f" bicycle {cyclist} of conflict_2 (cyc_nearside_obstructed) blocks 1008; lower the"
+        f"cav2 (102) blocks bicycle {cyclist} of conflict_1 (cyc_left_turn),"
+        f" 1007 blocks bicycle {cyclist} of conflict_1 (cyc_left_turn),"
+        f" bicycle {cyclist} of conflict_1 (cyc_left_turn) blocks 1008; lower the density, move the"
     )
 
 
