@@ -64,7 +64,7 @@ class Boxes:
         rows = np.flatnonzero(np.isin(self.ids, list(sizes)))
         world_from_box, found = self.world_from_box.copy(), self.sizes.copy()
         world_from_box[rows, :3, 3] = self.locations[rows]
-        found[rows] = [sizes[number] for number in self.ids[rows].tolist()]
+        found[rows] = np.reshape([sizes[number] for number in self.ids[rows].tolist()], (-1, 3))
         return replace(self, world_from_box=world_from_box, sizes=found)
 
     def select(self, where: NDArray[np.bool_]) -> Boxes:

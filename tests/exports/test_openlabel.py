@@ -132,7 +132,7 @@ def test_weather_has_tags_in_the_units_of_the_ontology(
         {**weather, "temperature_c": -2, "snow": {"rate_mm_h": 2}, "fog": {"mor_m": 400}}
     )
     tags = read(list_weather_tags(snow))
-    assert tags["WeatherSnow"] == pytest.approx(compute_extinction(snow).mor_m / 1000)
+    assert tags["WeatherSnow"] == pytest.approx(compute_extinction(snow).mor_m / 1000, abs=5e-5)
     assert (tags["ParticulatesWater"], tags["WeatherWind"]) == (400, 7)
     assert tags["DaySunElevation"] == 12
 

@@ -93,6 +93,7 @@ def test_nothing_is_written_beside_the_scenario_and_what_is_missing_is_listed(
         ("parameter has.ssm.device", 1),
         ("parameter device.ssm.file", 1),
         ("element <calibrator>", 1),
+        ("vehicle not sorted by departure (SUMO ignores it)", 1),
     }
 
 
