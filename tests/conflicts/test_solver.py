@@ -98,10 +98,14 @@ def test_an_ego_that_starts_beyond_the_conflict_point_cannot_meet_the_actor(
     begun = replace(drive, start_m=drive.start_m + staged.station_m)
     ego = spec.blueprints[spec.ego.blueprint or ""]
 
-    def solve(drive: EgoDrive):
-        return solve_conflict(
+    def solve(drive: EgoDrive) -> None:
+        solve_conflict(
             *(conflict, staged.typology, drive, spec.blueprints),
-            **{"ego": ego, "seed": 1, "key": "tried", "index": 1, "not_before_s": 0.0},
+            ego=ego,
+            seed=1,
+            key="tried",
+            index=1,
+            not_before_s=0.0,
         )
 
     solve(drive)
