@@ -29,6 +29,7 @@ _KEPT_ATTRIBUTES = {
     "poly": "id type shape",
 }
 _READ_BY_NETCONVERT = {
+    "edge": "spreadType",
     "junction": "radius rightOfWay",
     "connection": "pass contPos allow disallow speed length shape uncontrolled",
     "prohibition": "prohibitor prohibited",
@@ -61,6 +62,8 @@ def sanitize_network(root: Element, *, for_netconvert: bool = False) -> Element:
     for item in root:
         if item.tag in _KEPT_ELEMENTS or item.tag in more:
             copy = _copy_element(net, item, attributes[item.tag])
+            if for_netconvert and item.tag == "edge" and "spreadType" in root.attrib:
+                copy.attrib.setdefault("spreadType", root.attrib["spreadType"])
             for child in item:
                 if child.tag in _KEPT_CHILDREN.get(item.tag, ()):
                     _copy_element(copy, child, attributes[child.tag])

@@ -50,6 +50,28 @@ def test_lanes_are_where_the_file_has_them_seen_in_the_mirror_if_traffic_is_on_t
     assert shapely.hausdorff_distance(plan, own) < 0.1
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("spread", ["center", "roadCenter"])
+@pytest.mark.parametrize("said_of", ["net", "edge"])
+def test_streets_that_are_spread_about_their_axis_stay_there(
+    said_of: str, spread: str, side: str, tmp_path: Path
+) -> None:
+    """netconvert lays lanes out again, and spreads them to the right of the axis by default."""
+    hand = ("lefthand", "true" if side == "left" else "false")
+    text = build_crossing_network(hand, ("default.spreadtype", spread))
+    said = f' spreadType="{spread}"'
+    assert said in text
+    if said_of == "edge":
+        text = text.replace(said, "").replace('<edge id="in', f'<edge{said} id="in')
+        text = text.replace('<edge id="out', f'<edge{said} id="out')
+
+    network = parse_packed_network(import_network(text, tmp_path).network)
+
+    plan = draw_lanes(network, -1 if side == "left" else 1)
+    own = draw_lanes(parse_network(parse_xml(text.encode())), 1)
+    assert shapely.hausdorff_distance(plan, own) < 0.1
+
+
 @pytest.mark.parametrize("text", [LEFT_HAND, build_crossing_network()])
 def test_the_plan_has_traffic_on_the_right(text: str, tmp_path: Path) -> None:
     network = parse_packed_network(import_network(text, tmp_path).network)
