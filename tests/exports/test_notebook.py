@@ -33,7 +33,7 @@ def test_three_readers_show_the_same_frame(
     assert found["figures"] == 3
     said = [line for line in found["lines"] if line.startswith(("nuScenes", "COCO", "MCAP"))]
     assert said == [
-        f"nuScenes: {name}-cav1 {at} has {len(view.boxes)} boxes",
+        f"nuScenes: {name}-cav1 has {len(view.boxes)} boxes in its first frame",
         f"COCO: {file} has {len(shown)} masks",
         f"MCAP: {len(view.points)} points and {len(view.boxes)} objects {at}",
     ]
