@@ -41,13 +41,13 @@ def discard_unmarked(marked: Marks, converted: Element) -> Conversion | None:
     return Conversion(documents, NETWORK_OPTIONS | options)
 
 
-def declare_marked(marked: Marks, plain: Conversion, converted: Element) -> Conversion:
+def declare_marked(marked: Marks, converted: Element, plain: Conversion) -> Conversion:
     """Build the conversion of plain XML that has the guessed crossings that marks are nearest to.
 
     Args:
         marked: Middles of the crossings of the map.
-        plain: The conversion that guesses.
-        converted: The network that it makes.
+        converted: The network with guessed crossings.
+        plain: The conversion that makes it.
     """
     network = parse_network(converted)
     confirmed = _find_confirmed(network, marked)
@@ -57,6 +57,21 @@ def declare_marked(marked: Marks, plain: Conversion, converted: Element) -> Conv
             _add_crossing(connections, edge)
     documents = {**plain.documents, "connections.xml": connections}
     return Conversion(documents, {**plain.options, "crossings.guess": "false"})
+
+
+def count_unbuilt(marked: Marks, converted: Element) -> int:
+    """Count the marks on streets of a network near which it has no crossing."""
+    if not len(marked):
+        return 0
+    network = parse_network(converted)
+    lanes = [lane.shape[:, :2] for lane in network.lanes if lane.is_driving_lane]
+    built = [edge.lanes[0].shape[:, :2] for edge in _list_crossings(network)]
+    marks = shapely.points(np.array(marked))
+    on_street, without = (
+        shapely.distance(marks, shapely.MultiLineString(lines)) for lines in (lanes, built)
+    )
+    near_m = MAX_MARK_DISTANCE_M
+    return int(np.count_nonzero((on_street < near_m) & ~(without < near_m)))
 
 
 def _find_confirmed(network: SumoNetwork, marked: Marks) -> set[str]:

@@ -10,6 +10,7 @@ from advercity_dsl.road.extent import MAX_SITE_M
 
 from advercity.errors import InputError
 from advercity.foreign.ledger import Ledger
+from advercity.roads.imported_crossings import count_unbuilt
 from advercity.roads.lanelet2.plan import plan_lanelet2
 from advercity.roads.map_conversion import convert
 from advercity.roads.map_files import read_map_file
@@ -46,7 +47,7 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     ledger = Ledger()
     try:
         plan = PLANNERS[declared.source](found.root, road, declared, ledger)
-        net = _build_network(plan)
+        net = _build_network(plan, ledger)
     except InputError as error:
         within = "" if declared.extent_m is None else " (within `extent_m`)"
         raise InputError(f"{declared.file}: {error}{within}") from None
@@ -61,13 +62,20 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
     )
 
 
-def _build_network(plan: MapPlan) -> Element:
+def _build_network(plan: MapPlan, ledger: Ledger) -> Element:
     """Convert a map as planned, with the names that it has for its streets."""
     converted = convert(plan.conversion)
     _check_lanes(_parse_converted(converted))
-    second = plan.confirm(converted) if plan.confirm else None
+    second = plan.confirm(plan.crossings, converted) if plan.crossings and plan.confirm else None
     if second is not None:
         converted = convert(second)
+    if unbuilt := count_unbuilt(plan.crossings, converted):
+        name, plural = (
+            f"pedestrian crossing{end} where none can be built (away from junctions, or without"
+            " sidewalks)"
+            for end in ("", "s")
+        )
+        ledger.leave_out(name, plural=plural, count=unbuilt)
     net = sanitize_network(converted)
     plan.complete(net)
     rename_network(net, read_street_names(converted) if plan.names is None else plan.names)

@@ -13,6 +13,7 @@ from advercity_dsl.units import Point2
 
 from advercity.errors import InputError
 from advercity.geometry.polyline import Points, polyline_stations
+from advercity.roads.imported_crossings import Marks
 from advercity.roads.map_conversion import Conversion
 from advercity.roads.sumo_xml import BORDER_ATTRIBUTES, format_metres, format_shape
 
@@ -70,8 +71,8 @@ class MapPlan:
         driving_side: Side on which traffic drives in the world.
         origin_m: The map's own coordinates, east and north, of the plan's origin.
         place: Where the plan's origin is on the globe, if the map says it.
-        confirm: Builds the second conversion, which leaves only the marked crossings in the network
-            of the first; None where it may keep all.
+        crossings: Middles of the pedestrian crossings that the map marks.
+        confirm: Builds the second conversion, which leaves only these in the network of the first.
         names: Names of streets by edge; None if netconvert copies them.
         lanes: Lines of lanes by SUMO's id, where netconvert would simplify them.
         paths: Lines of ways through junctions.
@@ -83,7 +84,8 @@ class MapPlan:
     driving_side: Side = "right"
     origin_m: Point2 = (0.0, 0.0)
     place: MapPlace | None = None
-    confirm: Callable[[Element], Conversion | None] | None = None
+    crossings: Marks = ()
+    confirm: Callable[[Marks, Element], Conversion | None] | None = None
     names: Mapping[str, str] | None = None
     lanes: Mapping[str, LaneLines] = field(default_factory=dict[str, LaneLines])
     paths: Mapping[LaneLink, LaneLines] = field(default_factory=dict[LaneLink, LaneLines])

@@ -4,7 +4,6 @@ The document is in metres instead of degrees, has traffic on the right, and what
 saying so: round rings, sidewalks.
 """
 
-from functools import partial
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -86,7 +85,8 @@ def plan_extract(root: Element, road: Road, declared: MapFile, ledger: Ledger) -
     return MapPlan(
         Conversion({"map.xml": plan}, options),
         side,
-        confirm=partial(discard_unmarked, crossings) if crossings else None,
+        crossings=crossings,
+        confirm=discard_unmarked,
     )
 
 

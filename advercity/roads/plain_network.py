@@ -70,9 +70,8 @@ class PlainNetwork:
             driving_side=side,
             origin_m=origin_m,
             place=place,
-            confirm=partial(declare_marked, self.crosswalks, conversion)
-            if self.crosswalks
-            else None,
+            crossings=self.crosswalks,
+            confirm=partial(declare_marked, plain=conversion),
             names=self.names,
             lanes=self.lanes,
             paths=self.paths,

@@ -123,9 +123,9 @@ def _build_tracks(found: dict[str, Any], ledger: Ledger) -> Iterator[Track]:
             kind = f"longer than {MAX_SIZE_M:g} m"
             ledger.leave_out(f"vehicle {kind}", plural=f"vehicles {kind}")
             continue
-        yield from _split_track(name, actor_class, tuple(size), rows, length_m / 2, taken)
+        yield from _split_track(name, actor_class, tuple(size), rows, length_m / 2, taken, ledger)
     for name, rows in found["people"].items():
-        yield from _split_track(name, "pedestrian", (0.0, 0.0, 0.0), rows, 0.0, taken)
+        yield from _split_track(name, "pedestrian", (0.0, 0.0, 0.0), rows, 0.0, taken, ledger)
 
 
 def _split_track(
@@ -135,6 +135,7 @@ def _split_track(
     rows: Sequence[Sequence[float]],
     ahead_m: float,
     taken: set[str],
+    ledger: Ledger,
 ) -> Iterator[Track]:
     """Build the tracks of one road user: one that SUMO moves elsewhere continues as another.
 
@@ -145,6 +146,7 @@ def _split_track(
         rows: Times, places and angles as SUMO has them.
         ahead_m: Distance of those places from the middle of the box.
         taken: Ids that are in use.
+        ledger: Where to record parts that are too short.
     """
     table = np.array(rows, dtype=np.float64)
     # SUMO's angles are clockwise from north.
@@ -152,15 +154,20 @@ def _split_track(
     ahead = ahead_m * np.column_stack([np.cos(headings), np.sin(headings)])
     times_s, places = table[:, 0], table[:, 1:3] - ahead
     for part in _find_runs(times_s, places):
-        if len(times_s[part]) > 1:
-            yield Track(
-                id=_make_id(name, taken),
-                actor_class=actor_class,
-                size=(size[0], size[1], size[2]),
-                times_s=times_s[part],
-                places=places[part],
-                headings_rad=np.unwrap(headings[part]),
+        if len(times_s[part]) < 2:
+            ledger.leave_out(
+                "motion of a single step in the recorded time",
+                plural="motions of a single step in the recorded time",
             )
+            continue
+        yield Track(
+            id=_make_id(name, taken),
+            actor_class=actor_class,
+            size=(size[0], size[1], size[2]),
+            times_s=times_s[part],
+            places=places[part],
+            headings_rad=np.unwrap(headings[part]),
+        )
 
 
 def _find_runs(times_s: NDArray[np.float64], places: NDArray[np.float64]) -> Iterator[slice]:

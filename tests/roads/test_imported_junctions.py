@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 import shapely
-from advercity_dsl import MapFile, Road
+from advercity_dsl import MapFile, MapNetwork, Road
 from advercity_dsl.road import StripKind
 
 from advercity.roads.map_import import import_map
@@ -84,12 +84,20 @@ def tag(key: str, value: str) -> str:
 STREET = (("highway", "secondary"), ("lanes", "2"), ("maxspeed", "50"), ("sidewalk", "both"))
 
 
-def read_road(path: Path, land_use: str) -> RoadNetwork:
+def declare(path: Path, land_use: str) -> tuple[MapFile, Road]:
     origin = {"origin_lat_deg": CENTRE[0], "origin_lon_deg": CENTRE[1]}
     source: Literal["osm", "opendrive"] = "osm" if path.suffix == ".osm" else "opendrive"
     road = Road.model_validate(declaration(source, path.name, **origin) | {"land_use": land_use})
-    network = import_map(MapFile(source=source, file=path.name), road, path.parent)
-    return build_road(road.model_copy(update={"imported": network}))
+    return MapFile(source=source, file=path.name), road
+
+
+def read_map(path: Path, land_use: str) -> MapNetwork:
+    return import_map(*declare(path, land_use), path.parent)
+
+
+def read_road(path: Path, land_use: str) -> RoadNetwork:
+    _, road = declare(path, land_use)
+    return build_road(road.model_copy(update={"imported": read_map(path, land_use)}))
 
 
 def crossing_middles(road: RoadNetwork) -> Floats:
@@ -135,6 +143,26 @@ def test_a_map_with_crossings_has_no_others(land_use: str, tmp_path: Path) -> No
 
     assert len(middles) == 1
     assert middles[0] == pytest.approx((8, 0), abs=5)
+
+
+@pytest.mark.parametrize(("east_m", "unbuilt"), [(12, 0), (60, 1), (180, 0)])
+def test_marked_crossings_that_cannot_be_built_are_listed(
+    east_m: float, unbuilt: int, tmp_path: Path
+) -> None:
+    """One is at the junction, one in the middle of a street, one off all streets."""
+    nodes = {"1": (0, 0), "2": (0, 120), "3": (0, -120), "4": (120, 0), "5": (-120, 0)}
+    longitude = CENTRE[1] + east_m / M_PER_DEG[1]
+    rest = f'<node id="6" lat="{CENTRE[0]}" lon="{longitude:.8f}">'
+    rest += tag("highway", "crossing") + "</node>"
+    rest += way("51", "2 1 3", *STREET) + way("52", "5 1 4", *STREET)
+    path = write_osm(tmp_path, {k: (float(x), float(y)) for k, (x, y) in nodes.items()}, rest)
+
+    told = [
+        it.count
+        for it in read_map(path, "urban").left_out
+        if it.name.startswith("pedestrian crossing")
+    ]
+    assert told == [unbuilt] * unbuilt
 
 
 def test_crosswalks_of_opendrive_are_the_only_crossings(tmp_path: Path) -> None:

@@ -119,6 +119,17 @@ def test_who_is_left_out_is_listed(tmp_path: Path) -> None:
     assert listed["vehicle longer than 50 m"] == 1
 
 
+def test_who_is_seen_at_a_single_step_is_listed(tmp_path: Path) -> None:
+    late = '<vehicle id="late" depart="12.9"><route edges="in_east out_west"/></vehicle></routes>'
+    path = write_sumo_scenario(tmp_path / "s", routes=ROUTES.replace("</routes>", late))
+
+    found = load_sumo_scenario(path, tmp_path, to_s=ENDS_S)
+
+    assert "late" not in {track.id for track in found.tracks}
+    listed = {item.name: item.count for item in found.left_out}
+    assert listed["motion of a single step in the recorded time"] == 1
+
+
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [

@@ -83,6 +83,11 @@ class LaneletTopology:
             found[self.map.lanes_at[path.origin[0]][1]].append(path)
         return found
 
+    @cached_property
+    def crossed(self) -> set[object]:
+        """Nodes at which ways cross a junction."""
+        return {self.map.groups.find(("end", path.origin[0])) for path in self.paths if path.inside}
+
     def list_lanelets_before(self, name: str, reach_m: float) -> Iterator[Lanelet]:
         """List the lanelets within a distance from the end of a street, also of those before it."""
         for section, begins, ends in reversed(self.map.streets[name].parts):
@@ -117,10 +122,20 @@ class LaneletTopology:
                     yield item
 
 
+def find_approaches(topology: LaneletTopology, rules: RightOfWay) -> dict[str, Approach]:
+    """Find the rules at the end of every street."""
+    return {
+        name: rules.find(
+            topology.list_lanelets_before(name, APPROACH_M), [*topology.list_ways(name)]
+        )
+        for name in topology.map.streets
+    }
+
+
 def build_plain_network(
     topology: LaneletTopology,
     lanelets: Sequence[Lanelet],
-    rules: RightOfWay,
+    approaches: Mapping[str, Approach],
     crosswalks: Sequence[Points],
     stripes: Sequence[tuple[RoadMark, Points]],
 ) -> PlainNetwork:
@@ -133,10 +148,10 @@ def build_plain_network(
     if total_m > MAX_STREETS_M:
         raise InputError(f"its streets are longer than {MAX_STREETS_M / 1000:g} km together")
     lanes = {name: street.lanes for name, street in topology.map.streets.items()}
-    nodes = _Nodes(topology, lanes, rules)
+    nodes = _Nodes(topology, lanes, approaches)
     return PlainNetwork(
         nodes=nodes.build(),
-        edges=_build_edges(topology, lanes, nodes),
+        edges=_build_edges(topology, lanes, nodes, approaches),
         connections=build_connections(
             _list_connections(topology), topology.map.streets, nodes.list_uncrossed()
         ),
@@ -160,23 +175,17 @@ class _Nodes:
         self,
         topology: LaneletTopology,
         lanes: Mapping[str, Sequence[PlainLane]],
-        rules: RightOfWay,
+        approaches: Mapping[str, Approach],
     ) -> None:
         self._groups = topology.map.groups
         self._corners: dict[object, list[Points]] = {}
         self._approaches: dict[object, dict[str, Approach]] = defaultdict(dict)
-        self.approaches: dict[str, Approach] = {}
-        self._crossed = {
-            self._groups.find(("end", it.origin[0])) for it in topology.paths if it.inside
-        }
+        self._crossed = topology.crossed
         for name, street in topology.map.streets.items():
             for end, index in ((street.begins, 0), (street.ends, -1)):
                 corners = self._corners.setdefault(self._groups.find(end), [])
                 corners += [line[index] for it in lanes[name] for line in (it.left, it.right)]
-            ways = [*topology.list_ways(name)]
-            approach = rules.find(topology.list_lanelets_before(name, APPROACH_M), ways)
-            self.approaches[name] = approach
-            self._approaches[self._groups.find(street.ends)][name] = approach
+            self._approaches[self._groups.find(street.ends)][name] = approaches[name]
         self._names = {
             group: f"{number}.{int(group in self._crossed)}"
             for number, group in enumerate(self._corners)
@@ -203,12 +212,15 @@ class _Nodes:
 
 
 def _build_edges(
-    topology: LaneletTopology, lanes: Mapping[str, Sequence[PlainLane]], nodes: _Nodes
+    topology: LaneletTopology,
+    lanes: Mapping[str, Sequence[PlainLane]],
+    nodes: _Nodes,
+    approaches: Mapping[str, Approach],
 ) -> Element:
     root = Element("edges")
     for name, street in topology.map.streets.items():
         ends = nodes.get_name(street.begins), nodes.get_name(street.ends)
-        add_edge(root, name, ends, lanes[name], nodes.approaches[name].priority)
+        add_edge(root, name, ends, lanes[name], approaches[name].priority)
     return root
 
 

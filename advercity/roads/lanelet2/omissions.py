@@ -9,6 +9,7 @@ from advercity.foreign.standards import apply_disposition, load_standard
 from advercity.roads.lanelet2.document import LaneletDocument, Way
 from advercity.roads.lanelet2.lanelets import Lanelet
 from advercity.roads.lanelet2.network import LaneletTopology
+from advercity.roads.lanelet2.rules import Approach
 from advercity.roads.osm_map import read_tags
 
 RELATION_KINDS: Mapping[str, str] = {
@@ -56,6 +57,29 @@ def record_unused(
         name = "line that forbids to change lanes (lanes are changed all the same)"
         plural = "lines that forbid to change lanes (lanes are changed all the same)"
         ledger.leave_out(name, plural=plural, at=way.line)
+
+
+def record_rules(
+    document: LaneletDocument,
+    topology: LaneletTopology,
+    approaches: Mapping[str, Approach],
+    ledger: Ledger,
+) -> None:
+    """Record stop signs without a junction, and lights that only other approaches have."""
+    groups = topology.map.groups
+    nodes = {name: groups.find(street.ends) for name, street in topology.map.streets.items()}
+    lit = {nodes[name] for name, approach in approaches.items() if approach.has_light}
+    for name, approach in approaches.items():
+        line = document.lanelets[topology.map.streets[name].first_lanelets[0].id].line
+        if nodes[name] not in topology.crossed:
+            if approach.must_stop:
+                what = "street with a stop sign where no ways cross"
+                plural = "streets with stop signs where no ways cross"
+                ledger.leave_out(what, plural=plural, at=line)
+        elif nodes[name] in lit and not approach.has_light:
+            what = "light that the map lacks at an approach of a signalised junction (assumed)"
+            plural = "lights that the map lacks at approaches of signalised junctions (assumed)"
+            ledger.leave_out(what, plural=plural, at=line)
 
 
 def _list_barriers(document: LaneletDocument, topology: LaneletTopology) -> Iterator[Way]:

@@ -16,8 +16,8 @@ from advercity.roads.lanelet2.lanelets import (
     list_crosswalks,
     read_lanelets,
 )
-from advercity.roads.lanelet2.network import LaneletTopology, build_plain_network
-from advercity.roads.lanelet2.omissions import record_omissions, record_unused
+from advercity.roads.lanelet2.network import LaneletTopology, build_plain_network, find_approaches
+from advercity.roads.lanelet2.omissions import record_omissions, record_rules, record_unused
 from advercity.roads.lanelet2.paint import list_stripes
 from advercity.roads.lanelet2.placing import PlacedNodes, place_nodes
 from advercity.roads.lanelet2.rules import RightOfWay
@@ -53,7 +53,9 @@ def plan_lanelet2(root: Element, road: Road, declared: MapFile, ledger: Ledger) 
         stripes = [item for item in stripes if shapely.box(*box).intersects(LineString(item[1]))]
     topology = LaneletTopology.of_lanelets(lanelets)
     record_unused(document, topology, lanelets, ledger)
-    plain = build_plain_network(topology, lanelets, RightOfWay(document), crosswalks, stripes)
+    approaches = find_approaches(topology, RightOfWay(document))
+    record_rules(document, topology, approaches, ledger)
+    plain = build_plain_network(topology, lanelets, approaches, crosswalks, stripes)
     return plain.plan(road, side, placed.origin_m, placed.place)
 
 

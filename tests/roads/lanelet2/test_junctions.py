@@ -240,3 +240,36 @@ def test_a_lanelet_for_both_directions_is_two_streets(tmp_path: Path) -> None:
     ]
 
     assert sorted(line[0, 0] for line in lines) == [0.0, 80.0]
+
+
+@pytest.mark.parametrize(("lit", "assumed"), [(1, 1), (2, 0)])
+def test_lights_that_other_approaches_lack_are_told(lit: int, assumed: int, tmp_path: Path) -> None:
+    lanelets = LaneletMap()
+    seen = lanelets.way([(-14, -3), (-14, -3.6)], "traffic_light")
+    rule = lanelets.rule("traffic_light", member("refers", seen))
+    west, *_ = write_crossroads(lanelets, rule)
+    text = lanelets.write()
+    if lit == 1:
+        kept = f'<relation id="{west}">'
+        first, rest = text.split(kept)
+        own, *others = rest.split("</relation>")
+        rules = member("regulatory_element", rule, "relation")
+        text = kept.join(
+            [first, "</relation>".join([own, *(it.replace(rules, "") for it in others)])]
+        )
+
+    told = describe_left_out(import_text(tmp_path, text).left_out)
+
+    line = f"{assumed} light that the map lacks at an approach of a signalised junction (assumed)"
+    assert (line in told) is (assumed == 1)
+
+
+def test_a_stop_sign_where_no_ways_cross_is_told(tmp_path: Path) -> None:
+    lanelets = LaneletMap()
+    sign = lanelets.way([(48, -2), (48, -2.6)], "traffic_sign", subtype="de206")
+    rule = lanelets.rule("traffic_sign", member("refers", sign))
+    for start, end, rules in ((-60, 50, [rule]), (50, 90, [])):
+        left, right = (lanelets.way(side) for side in row((start, 0), (end, 0)))
+        lanelets.lanelet(left, right, rules, speed_limit=f"{50 + len(rules)} km/h")
+
+    assert "1 street with a stop sign where no ways cross" in describe(lanelets, tmp_path)
