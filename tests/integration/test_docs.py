@@ -76,6 +76,14 @@ def test_links_of_pages_lead_somewhere_in_a_clone(page: Path) -> None:
     assert [link for link in linked if not (page.parent / link).exists()] == []
 
 
+def test_every_decision_has_its_own_number_and_a_row_in_their_index() -> None:
+    folder = ROOT / "docs" / "decisions"
+    pages = sorted(page.name for page in folder.glob("*.md") if page.name != "index.md")
+    assert [page[:4] for page in pages] == [f"{n:04}" for n in range(1, len(pages) + 1)]
+    rows = re.findall(r"^\| \[(\d{4})\]\((\S+)\)", (folder / "index.md").read_text(), re.MULTILINE)
+    assert rows == [(page[:4], page) for page in pages]
+
+
 def test_the_container_is_set_up_as_the_install_page_says() -> None:
     steps = (ROOT / "Dockerfile").read_text()
     assert (ROOT / "docs" / "install.md").read_text().count("docker build --tag advercity .") == 1
