@@ -25,19 +25,20 @@ from advercity.compiler.fields import (
 )
 from advercity.compiler.schema import SCHEMA_MODELS
 
-HEAD = "| field | what it says | unit and range | left out |\n|---|---|---|---|"
+HEAD = "| field | meaning | unit and range | default |\n|---|---|---|---|"
 
 
 PYTHON_HEAD = """\
 # Python
 
-`import advercity` gives the names of the first section; the others are what they return and take.
+You get the names of the first section with `import advercity`. The other sections have their
+arguments and results.
 [From Python](../guides/from_python.md) shows them at work.
 """
 ERRORS = ("AdvercityError", "InputError", "RunError", "BackendError")
 PYTHON_SECTIONS = {
     "advercity": [f"advercity.{name}" for name in advercity.__all__ if name != "__version__"],
-    "What a run takes and returns": [
+    "Inputs and results of a run": [
         "advercity.pipeline.ScenarioResult",
         "advercity.pipeline.Progress",
         "advercity.pipeline.RunListener",
@@ -79,7 +80,7 @@ def write_reference(folder: Path) -> None:
 
 
 def page_of(kind: str, model: type[Model]) -> str:
-    """A kind and all that it holds, a table each."""
+    """Return the page of a kind, with a table for each of its models."""
     parts = [f"# `{kind}`", _section(model)]
     parts += [f"## {inner.__name__}\n\n{_section(inner)}" for inner in _within(model)]
     return "\n\n".join(parts) + "\n"
@@ -97,7 +98,7 @@ def _row(model: type[Model], name: str, field: FieldInfo, texts: dict[str, str])
         f"[{item.__name__}](#{item.__name__.lower()})"
         for item in find_nested_models(field.annotation)
     ]
-    text = " ".join(texts.get(written, "What this is." if name == "kind" else "").split())
+    text = " ".join(texts.get(written, "Kind of declaration." if name == "kind" else "").split())
     holds = f" {', '.join(dict.fromkeys(inner))}." if inner else ""
     cells = (f"`{written}`", f"{text}{holds}".strip(), _range(model, name), _default(field))
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
@@ -112,7 +113,7 @@ def _range(model: type[Model], name: str) -> str:
 
 
 def _values(annotation: Any) -> list[str]:
-    """What may stand there, where only a few words may."""
+    """Return the allowed words, if a field has a few."""
     if isinstance(annotation, type) and issubclass(annotation, StrEnum):
         return [item.value for item in annotation]
     return list(get_args(annotation)) if get_origin(annotation) is Literal else []
@@ -121,7 +122,7 @@ def _values(annotation: Any) -> list[str]:
 def _default(field: FieldInfo) -> str:
     default: Any = field.get_default(call_default_factory=True)
     if field.is_required() or default is PydanticUndefined:
-        return "has to be there"
+        return "required"
     if isinstance(default, Model) or default in ((), {}, ""):
         return ""
     return f"`{'null' if default is None else str(default).lower()}`"
