@@ -13,8 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from advercity_dsl import Mount, Spec
-from advercity_dsl.rig import Radar
+from advercity_dsl import Mount, Radar, Spec
 from measurement import Measurement, cpu_with_children_s, format_table
 
 from advercity.compiler import read_spec, with_digest

@@ -62,7 +62,7 @@ def _build_work(scene: BenchmarkScene, agent: Agent, sky: SkyView) -> Callable[[
         fix = None
         if agent.sensors.gnss.mode == "satellites":
             fix = scene.poses.measure_fix(agent, frame, sky)
-        return scene.poses.build_sensor_frame(agent, frame, images=(), scans=(), fix=fix)
+        return scene.poses.build_sensor_frame(agent, frame, readings={}, fix=fix)
 
     return work
 

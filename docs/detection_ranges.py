@@ -117,7 +117,7 @@ class DetectionScene:
 
     def _build_camera_detector(self, renderer: Renderer, weather: Weather) -> Detector:
         mounted = self._sensors.cameras[0]
-        camera = mounted.camera
+        camera = mounted.model
         view = CameraView(
             _build_pose(mounted.mount),
             camera.width_px // CROP,

@@ -181,17 +181,16 @@ def sensor_frame_of(agent: Agent, frame: Frame) -> SensorFrame:
         frame=frame,
         world_from_agent=world_from_agent,
         estimated_world_from_agent=world_from_agent if is_vehicle else drift @ world_from_agent,
-        camera_images=tuple(
-            image_of(agent, camera, frame, world_from_agent @ mounted_at(mount))
-            for camera, mount, _ in agent.sensors.cameras
-        ),
-        lidar_scans=tuple(scan(agent, frame, level @ mounted_at(mount)) for mount in mounts),
-        gnss=GnssFix(49.0 + 1e-6 * frame.index, 8.0, 120.5, frame.time_s) if is_vehicle else None,
-        imu=(
-            ImuSample(np.array([0.5, 0.25, 9.81]), np.array([0.01, 0.02, 0.03]), 1.25)
-            if is_vehicle
-            else None
-        ),
+        readings={
+            "camera": tuple(
+                image_of(agent, camera, frame, world_from_agent @ mounted_at(mount))
+                for camera, mount, _ in agent.sensors.cameras
+            ),
+            "lidar": tuple(scan(agent, frame, level @ mounted_at(mount)) for mount in mounts),
+            "gnss": [GnssFix(49.0 + 1e-6 * frame.index, 8.0, 120.5, frame.time_s)] * is_vehicle,
+            "imu": [ImuSample(np.array([0.5, 0.25, 9.81]), np.array([0.01, 0.02, 0.03]), 1.25)]
+            * is_vehicle,
+        },
         planned_trajectory=((1.0, 2.0, 10.0), (3.0, 4.0, 5.0)) if is_vehicle else (),
     )
 

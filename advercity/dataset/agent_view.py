@@ -461,12 +461,12 @@ class AgentView:
         That is the frame's, or the one in `stamps`.
         """
         height_px = self.camera_model(camera).height_px
-        kind = self.agent.sensors.cameras[camera].camera
+        kind = self.agent.sensors.cameras[camera].model
         return compute_row_times(np.arange(height_px) + 0.5, kind, height_px)
 
     def camera_model(self, camera: int) -> CameraModel:
         """Return the projection of a camera, with the distortion by its lens."""
-        matrix, kind = self.intrinsic(camera), self.agent.sensors.cameras[camera].camera
+        matrix, kind = self.intrinsic(camera), self.agent.sensors.cameras[camera].model
         # The principal point is where the authored one is, of an image of another scale.
         scale = matrix[:2, 2] / kind.centre_px
         width, height = np.rint(scale * (kind.width_px, kind.height_px)).astype(int).tolist()

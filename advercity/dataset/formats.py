@@ -79,7 +79,7 @@ class DatasetFormat:
         images |= {
             f"_{kind}{index}.png"
             for index, mounted in enumerate(sensors.cameras)
-            for asked in mounted.camera.more_images
+            for asked in mounted.model.more_images
             for kind in self.more_images.get(asked, ())
         }
         clouds = map(self.format_cloud_suffix, range(len(sensors.lidars)))

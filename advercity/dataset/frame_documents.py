@@ -246,7 +246,7 @@ def _describe_camera(sensor_frame: SensorFrame, camera: int) -> dict[str, Any]:
         "cords": to_plain(carla_pose_from_matrix(world_from_camera)),
         "extrinsic": to_plain(mirror_pose(camera_from_lidar)),
         "intrinsic": to_plain(sensor_frame.build_camera_model(camera).matrix),
-        **_describe_lens(sensor_frame.agent.sensors.cameras[camera].camera.lens),
+        **_describe_lens(sensor_frame.agent.sensors.cameras[camera].model.lens),
         **_describe_shutter(sensor_frame.camera_images[camera].rolling),
     }
 

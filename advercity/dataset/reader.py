@@ -212,15 +212,17 @@ class Scenario(Sequence[FrameView]):
         frame: that of the sample in its file, the same as in the frame before if there was none
         since. `gnss`, `imu` and `can` are those that the agent has.
         """
+        # Imported here: the models of the language take longer than opening a dataset.
+        from advercity_dsl.sensor_kinds import load_sensor_kinds
+
         sensors = self[0][agent].agent.sensors
         found = [(frame.time_s, frame[agent].stamps) for frame in self]
-        counts = {
-            "camera": len(sensors.cameras),
-            "lidar": len(sensors.lidars),
-            "radar": len(sensors.radars),
-            "thermal": len(sensors.thermals),
-        }
-        names = [f"{name}{number}" for name, count in counts.items() for number in range(count)]
+        names = [
+            f"{kind.name}{number}"
+            for kind in load_sensor_kinds().found.values()
+            if kind.has_place
+            for number in range(len(sensors.list_sensors(kind.name)))
+        ]
         stamps = {
             name: np.array([own.get(name, time_s) for time_s, own in found]) for name in names
         }

@@ -72,12 +72,12 @@ def _find_optical_pose(view: AgentView, camera: int) -> Matrix:
 
 
 def _has_sixth_power(view: AgentView, camera: int) -> bool:
-    lens = view.agent.sensors.cameras[camera].camera.lens
+    lens = view.agent.sensors.cameras[camera].model.lens
     return isinstance(lens, BrownConradyLens) and lens.k3 != 0
 
 
 def _format_opencv(view: AgentView, camera: int, carrier_from_camera: Matrix) -> str:
-    model, lens = view.camera_model(camera), view.agent.sensors.cameras[camera].camera.lens
+    model, lens = view.camera_model(camera), view.agent.sensors.cameras[camera].model.lens
     matrix = model.matrix
     matrix[:2, 2] -= PIXEL_MIDDLE
     is_fisheye = isinstance(lens, KannalaBrandtLens)
@@ -119,7 +119,7 @@ def _format_kalibr(view: AgentView, carrier_from_cameras: Sequence[Matrix]) -> s
 
 
 def _describe_for_kalibr(view: AgentView, camera: int) -> dict[str, Any]:
-    model, lens = view.camera_model(camera), view.agent.sensors.cameras[camera].camera.lens
+    model, lens = view.camera_model(camera), view.agent.sensors.cameras[camera].model.lens
     principal_point = model.principal_point - PIXEL_MIDDLE
     kind = "equidistant" if isinstance(lens, KannalaBrandtLens) else "radtan"
     return {
@@ -141,4 +141,4 @@ def _describe_line_delay(view: AgentView, camera: int) -> dict[str, float]:
 
 
 def _is_rolling(view: AgentView, camera: int) -> bool:
-    return view.agent.sensors.cameras[camera].camera.is_rolling
+    return view.agent.sensors.cameras[camera].model.is_rolling

@@ -92,7 +92,7 @@ def list_pieces(dataset: Dataset, options: Options) -> list[Piece]:
 def _list_cameras(dataset: Dataset) -> dict[tuple[str, str, int], bool]:
     """List cameras by scenario, agent and number, and whether they have images of ids."""
     return {
-        (scenario.path.name, agent.id, number): "instance" in mounted.camera.truth
+        (scenario.path.name, agent.id, number): "instance" in mounted.model.truth
         for scenario in dataset.scenarios
         for agent in scenario.spec.agents
         for number, mounted in enumerate(agent.sensors.cameras)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from advercity_dsl.rig import Gnss
+from advercity_dsl import Gnss
 from numpy.typing import NDArray
 
 from advercity.dataset.agent_view import AgentView
@@ -33,7 +33,7 @@ def list_fields(table: NDArray[np.void]) -> Iterator[tuple[str, int, str]]:
 
 def read_lens(view: AgentView, camera: int, names: Mapping[str, str]) -> tuple[str, list[float]]:
     """Return the name of a camera's distortion and its coefficients, zeros of a pinhole."""
-    lens = view.agent.sensors.cameras[camera].camera.lens
+    lens = view.agent.sensors.cameras[camera].model.lens
     if lens is None:
         return names["brown_conrady"], [0.0] * 5
     return names[lens.model], list(lens.coefficients)

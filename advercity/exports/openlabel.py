@@ -218,7 +218,7 @@ def _describe_camera(view: AgentView, camera: int) -> dict[str, Any]:
     """Describe the intrinsic parameters of a camera, as its lens asks for."""
     matrix, model = view.intrinsic(camera), view.camera_model(camera)
     size = {"width_px": model.width_px, "height_px": model.height_px}
-    lens = view.agent.sensors.cameras[camera].camera.lens
+    lens = view.agent.sensors.cameras[camera].model.lens
     if isinstance(lens, KannalaBrandtLens):
         fisheye = {
             "center_x_px": float(matrix[0, 2]),

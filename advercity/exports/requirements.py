@@ -41,7 +41,7 @@ def require_pinholes(
     for scenario in dataset.scenarios:
         for agent in scenario.spec.agents:
             for number in select(agent):
-                if agent.sensors.cameras[number].camera.lens is not None:
+                if agent.sensors.cameras[number].model.lens is not None:
                     raise InputError(
                         f"{scenario.path}: camera{number} of {agent.id} has a lens, whose"
                         f" distortion {format} cannot describe; export a dataset of a rig with"

@@ -164,5 +164,5 @@ def _describe_calibration(frame: FrameView, view: AgentView) -> dict[str, Any]:
         "world_from_camera": [to_optical(view.world_from_camera(n)) for n in range(view.cameras)],
         "intrinsic": [view.intrinsic(n).tolist() for n in range(view.cameras)],
         **(_describe_thermals(view) if view.thermals else {}),
-        "has_lens": [one.camera.lens is not None for one in view.agent.sensors.cameras],
+        "has_lens": [one.model.lens is not None for one in view.agent.sensors.cameras],
     }

@@ -1,9 +1,10 @@
 """Poses of agents and sensors in each frame, and their GNSS, IMU and planned path."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from advercity_dsl import Agent, Lidar, Mount, RoadsideUnit, Spec
@@ -35,13 +36,7 @@ from advercity.sensors.mounts import carrier_from_sensor
 from advercity.sensors.radar import PlacedRadar
 from advercity.sensors.rolling_shutter import RollingCamera, compute_row_times
 from advercity.sensors.sample_times import SampleMoment, find_newest_sample, list_sample_times
-from advercity.sensors.sensor_frame import (
-    CameraImage,
-    LidarScan,
-    RadarScan,
-    SensorFrame,
-    ThermalImage,
-)
+from advercity.sensors.sensor_frame import SensorFrame
 from advercity.traffic.figures import assign_figures, number_figures
 from advercity.traffic.weather_effects import (
     apply_lamp_state,
@@ -97,10 +92,7 @@ class AgentPoses:
         agent: Agent,
         frame: Frame,
         *,
-        images: tuple[CameraImage, ...],
-        scans: tuple[LidarScan, ...],
-        radar_scans: tuple[RadarScan, ...] = (),
-        thermal_images: tuple[ThermalImage, ...] = (),
+        readings: Mapping[str, Sequence[Any]],
         min_points: int = 0,
         fix: GnssFix | None = None,
     ) -> SensorFrame:
@@ -109,10 +101,7 @@ class AgentPoses:
         Args:
             agent: The agent.
             frame: Recorded frame, as `load_frame` returns it.
-            images: One per camera.
-            scans: One per LiDAR.
-            radar_scans: One per radar.
-            thermal_images: One per thermal camera.
+            readings: What those measured, by the names of their kinds and their numbers.
             min_points: Points that an actor must return to be annotated.
             fix: Fix of a receiver of satellites, as `measure_fix` returns it; others need none.
         """
@@ -129,14 +118,13 @@ class AgentPoses:
                 if is_unit and gnss is not None
                 else world_from_agent
             ),
-            camera_images=images,
-            lidar_scans=scans,
-            radar_scans=radar_scans,
-            thermal_images=thermal_images,
+            readings={
+                **readings,
+                "gnss": _list_found(None if is_unit and not has_satellites else gnss),
+                "imu": _list_found(self._measure_imu(agent, frame)),
+                "can": _list_found(self._sample_can_bus(agent, frame.index)),
+            },
             min_points=min_points,
-            gnss=None if is_unit and not has_satellites else gnss,
-            imu=self._measure_imu(agent, frame),
-            can=self._sample_can_bus(agent, frame.index),
             planned_trajectory=() if is_unit else self._load_planned_path(agent, frame.index),
             conflict_roles=self._roles,
             weather=(self.timeline.weather_at(frame.index) if self.timeline.is_changing else None),
@@ -209,7 +197,7 @@ class AgentPoses:
 
     def find_rolling_camera(self, agent: Agent, camera: int, frame: Frame) -> RollingCamera | None:
         """Find the poses of a camera while its rows are exposed; None if all are at once."""
-        kind = agent.sensors.cameras[camera].camera
+        kind = agent.sensors.cameras[camera].model
         if not kind.is_rolling:
             return None
         start_s, end_s = compute_row_times(np.array([0.0, 1.0]), kind, 1).tolist()
@@ -244,7 +232,7 @@ class AgentPoses:
         turn = carrier[:3, :3] @ motion.angular_rate
         return [
             PlacedRadar(
-                radar=item.radar,
+                radar=item.model,
                 mount=item.mount,
                 world_from_radar=pose,
                 velocity=motion.velocity + np.cross(turn, pose[:3, 3] - carrier[:3, 3]),
@@ -416,6 +404,11 @@ class AgentPoses:
         """Build a key without the weather: the same drive has the same errors under all of them."""
         seeds = self.spec.seeds
         return seeds.sensors, seeds.traffic, self.spec.road.id, agent.id
+
+
+def _list_found(measured: Any | None) -> tuple[Any, ...]:
+    """List the measurement of a sensor, empty without one."""
+    return () if measured is None else (measured,)
 
 
 def _join_fixes(fixes: Sequence[GnssFix]) -> GnssFix | None:

@@ -125,7 +125,7 @@ def compare_backends(
     index = len(traffic.trace) // 2 if frame is None else frame
     if index >= len(traffic.trace):
         raise InputError(f"{spec.id} has frames 0 to {len(traffic.trace) - 1}, not {index}")
-    scale = width_px / carrier.sensors.cameras[camera].camera.width_px
+    scale = width_px / carrier.sensors.cameras[camera].model.width_px
     captures: list[CameraCapture] = []
     for name in backends:
         prepared = PreparedScenario(

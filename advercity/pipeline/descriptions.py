@@ -18,6 +18,7 @@ from advercity_dsl import (
     TrajectorySet,
     Weather,
 )
+from advercity_dsl.sensor_kinds import load_sensor_kinds
 from advercity_dsl.sun_position import is_without_zone
 from advercity_dsl.weather_components import Sun
 
@@ -309,16 +310,10 @@ def _describe_conflict(conflict: StagedConflict, timing: Timing) -> str:
 def _describe_agent(agent: Agent) -> str:
     """Describe what an agent is and carries: `101, ego, box_truck: 4 cameras, 1 LiDAR`."""
     sensors = agent.sensors
-    counts = {
-        "camera": sensors.cameras,
-        "LiDAR": sensors.lidars,
-        "radar": sensors.radars,
-        "thermal camera": sensors.thermals,
-    }
     carried = [
-        f"{len(items)} {name}{'s' if len(items) > 1 else ''}"
-        for name, items in counts.items()
-        if items
+        f"{len(items)} {kind.title}{'s' if len(items) > 1 else ''}"
+        for kind in load_sensor_kinds().found.values()
+        if kind.has_place and (items := sensors.list_sensors(kind.name))
     ]
     role = ["ego"] if agent.is_ego else []
     kind = [agent.blueprint or "roadside unit"]

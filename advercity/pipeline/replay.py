@@ -52,12 +52,18 @@ def load_sensor_frames(
         poses.build_sensor_frame(
             agent,
             frame,
-            images=tuple(_load_images(stored[agent.id], poses.world_from_cameras(agent, frame))),
-            scans=tuple(_load_scans(stored[agent.id], poses.world_from_lidars(agent, frame))),
-            radar_scans=tuple(_load_radars(stored[agent.id], poses.place_radars(agent, frame))),
-            thermal_images=tuple(
-                _load_thermals(stored[agent.id], poses.world_from_thermals(agent, frame))
-            ),
+            readings={
+                "camera": tuple(
+                    _load_images(stored[agent.id], poses.world_from_cameras(agent, frame))
+                ),
+                "lidar": tuple(
+                    _load_scans(stored[agent.id], poses.world_from_lidars(agent, frame))
+                ),
+                "radar": tuple(_load_radars(stored[agent.id], poses.place_radars(agent, frame))),
+                "thermal": tuple(
+                    _load_thermals(stored[agent.id], poses.world_from_thermals(agent, frame))
+                ),
+            },
             fix=_load_fix(stored[agent.id]),
         )
         for agent in scenario.spec.agents

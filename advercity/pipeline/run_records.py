@@ -51,11 +51,11 @@ class FrameWork:
     @staticmethod
     def from_spec(spec: Spec, scale: float) -> "FrameWork":
         """Count the work of a frame with images at `scale` of their authored width and height."""
-        cameras = [item.camera for agent in spec.agents for item in agent.sensors.cameras]
+        cameras = [item.model for agent in spec.agents for item in agent.sensors.cameras]
         lidars = [lidar for agent in spec.agents for lidar in agent.sensors.lidars]
-        radars = [item.radar for agent in spec.agents for item in agent.sensors.radars]
+        radars = [item.model for agent in spec.agents for item in agent.sensors.radars]
         beams = sum(lidar.channels * lidar.azimuths * lidar.sub_rays for lidar in lidars)
-        thermals = [item.camera for agent in spec.agents for item in agent.sensors.thermals]
+        thermals = [item.model for agent in spec.agents for item in agent.sensors.thermals]
         # A pixel has a ray of its own, and some to the sun and the sky.
         rays = sum(camera.width_px * camera.height_px for camera in thermals) * THERMAL_RAYS
         sizes = [

@@ -127,7 +127,7 @@ class SensorRig:
     def _render_captures(self, frame: Frame) -> Iterator[CameraCapture]:
         """Render the light at all cameras of the placed frame, by agents and their cameras."""
         agents = self._spec.agents
-        if any(item.camera.has_moments for agent in agents for item in agent.sensors.cameras):
+        if any(item.model.has_moments for agent in agents for item in agent.sensors.cameras):
             # Agent by agent, since the images of all would take much memory.
             return chain.from_iterable(
                 self._capture_moments(agent, range(len(agent.sensors.cameras)), frame)
@@ -174,7 +174,7 @@ class SensorRig:
         return [blenders[camera].finish() for camera in cameras]
 
     def _build_blender(self, agent: Agent, camera: int, frame: Frame) -> MomentBlender:
-        kind = agent.sensors.cameras[camera].camera
+        kind = agent.sensors.cameras[camera].model
         shutter_s = kind.exposure.shutter_s
         if kind.is_metered_first:
             shutter_s = self._meter_shutter(agent, camera, frame)
@@ -237,10 +237,12 @@ class SensorRig:
         return self._poses.build_sensor_frame(
             agent,
             frame,
-            images=tuple(self._capture_images(agent, frame, captures)),
-            scans=tuple(self._measure_scans(agent, frame)),
-            radar_scans=tuple(self._scan_radars(agent, radars, motion)),
-            thermal_images=tuple(self._take_thermal_images(agent, frame)),
+            readings={
+                "camera": tuple(self._capture_images(agent, frame, captures)),
+                "lidar": tuple(self._measure_scans(agent, frame)),
+                "radar": tuple(self._scan_radars(agent, radars, motion)),
+                "thermal": tuple(self._take_thermal_images(agent, frame)),
+            },
             min_points=self._min_points,
             fix=fix,
         )
@@ -292,7 +294,7 @@ class SensorRig:
 
     def _find_camera_frame(self, agent: Agent, camera: int, frame: Frame) -> Frame:
         """Find the moment that a camera's image shows."""
-        kind = agent.sensors.cameras[camera].camera
+        kind = agent.sensors.cameras[camera].model
         return self._find_sampled_frame(agent, f"camera{camera}", kind, frame)
 
     def _cast_scan(self, agent: Agent, index: int, frame: Frame) -> ScanHits:
@@ -336,7 +338,7 @@ class SensorRig:
         """Take the images of the thermal cameras of an agent."""
         seed = self._spec.seeds.sensors
         for number, mounted in enumerate(agent.sensors.thermals):
-            camera, hide = mounted.camera, _carrier_ids(agent)
+            camera, hide = mounted.model, _carrier_ids(agent)
             sampled = self._find_sampled_frame(agent, f"thermal{number}", camera, frame)
             pose = self._poses.world_from_thermals(agent, sampled)[number]
             conditions = self._conditions_by_frame.thermal_at(frame.index)
@@ -359,7 +361,7 @@ class SensorRig:
         self, agent: Agent, frame: Frame, captures: Iterator[CameraCapture]
     ) -> Iterator[CameraImage]:
         for camera, mounted in enumerate(agent.sensors.cameras):
-            kind, sampled = mounted.camera, self._find_camera_frame(agent, camera, frame)
+            kind, sampled = mounted.model, self._find_camera_frame(agent, camera, frame)
             pose = self._poses.world_from_cameras(agent, sampled)[camera]
             capture, model = next(captures), build_camera_model(agent, camera, self._profile)
             exposed = self._render_image(capture, agent, camera, sampled)
@@ -424,7 +426,7 @@ class SensorRig:
         pose = self._poses.world_from_cameras(agent, frame)[camera]
         return CameraExposure(
             view=build_camera_view(agent, camera, pose, self._profile),
-            camera=agent.sensors.cameras[camera].camera,
+            camera=agent.sensors.cameras[camera].model,
             frame=frame,
             velocity=self._poses.velocity(agent, frame),
             light_sources=self._find_light_sources(frame),
@@ -440,7 +442,7 @@ def _find_stamp(sensor: Sampled, sampled: Frame) -> float | None:
 
 def build_camera_model(agent: Agent, number: int, profile: RenderProfile) -> CameraModel:
     """Build the projection of a camera by its number to an image at the scale of `profile`."""
-    camera = agent.sensors.cameras[number].camera
+    camera = agent.sensors.cameras[number].model
     return CameraModel.build(
         camera,
         max(1, round(camera.width_px * profile.scale)),
@@ -473,7 +475,7 @@ def build_camera_view(
 ) -> CameraView:
     """Build the view to render for a camera by its number; `world_from_camera` in body axes."""
     model = build_camera_model(agent, number, profile)
-    fov_rad = math.radians(agent.sensors.cameras[number].camera.horizontal_fov_deg)
+    fov_rad = math.radians(agent.sensors.cameras[number].model.horizontal_fov_deg)
     width_px, height_px = model.rendered_size
     if not model.is_rendered:
         fov_rad = 2 * math.atan(width_px / (2 * model.rendered_focal_px))

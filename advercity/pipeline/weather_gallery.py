@@ -71,7 +71,7 @@ def write_weather_gallery(
         index = frame_count // 2 if frame is None else frame
         if index >= frame_count:
             raise InputError(f"{spec.id} has frames 0 to {frame_count - 1}, not {index}")
-        scale = width_px * OVERSAMPLING / carrier.sensors.cameras[camera].camera.width_px
+        scale = width_px * OVERSAMPLING / carrier.sensors.cameras[camera].model.width_px
         prepared = PreparedScenario(
             spec,
             traffic,

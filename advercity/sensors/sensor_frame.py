@@ -1,11 +1,13 @@
 """The measurements of all sensors of one agent in one frame."""
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from advercity_dsl import Agent, Weather
+from advercity_dsl.sensor_kinds import load_sensor_kinds
 from numpy.typing import NDArray
 
 from advercity.conflicts.roles import ConflictRole, ConflictRoles
@@ -158,14 +160,9 @@ class SensorFrame:
         frame: True state of all actors at this tick.
         world_from_agent: (4, 4), the vehicle's origin on the ground or the roadside unit.
         estimated_world_from_agent: (4, 4), the same as estimated by the agent's localisation.
-        camera_images: Images, by the numbers of the cameras.
-        lidar_scans: Scans, by the numbers of the LiDARs; at least one.
-        radar_scans: Scans, by the numbers of the radars.
-        thermal_images: Images, by the numbers of the thermal cameras.
+        readings: What its sensors measured, by the names of their kinds and then by their numbers;
+            kinds without a measurement may be left out. There is at least one of a LiDAR.
         min_points: Number of points that an actor must return to be annotated.
-        gnss: Fix of the receiver; None without a receiver or a fix.
-        imu: Sample of the inertial unit; None without one.
-        can: Signals of the vehicle's bus; None without one.
         planned_trajectory: Next points of the agent's trajectory: x, y, speed in m/s.
         conflict_roles: Roles of all actors in staged conflicts.
         weather: Weather at this tick if it changes over time, else None.
@@ -176,14 +173,8 @@ class SensorFrame:
     frame: Frame
     world_from_agent: Matrix
     estimated_world_from_agent: Matrix
-    camera_images: tuple[CameraImage, ...]
-    lidar_scans: tuple[LidarScan, ...]
-    radar_scans: tuple[RadarScan, ...] = ()
-    thermal_images: tuple[ThermalImage, ...] = ()
+    readings: Mapping[str, Sequence[Any]]
     min_points: int = 0
-    gnss: GnssFix | None = None
-    imu: ImuSample | None = None
-    can: CanSample | None = None
     planned_trajectory: tuple[tuple[float, float, float], ...] = ()
     conflict_roles: ConflictRoles = field(default_factory=dict[int, Mapping[str, ConflictRole]])
     weather: Weather | None = None
@@ -196,19 +187,53 @@ class SensorFrame:
             return 0.0
         return self.frame.get_state(self.agent.number).speed_m_s
 
+    def with_readings(self, **readings: Sequence[Any]) -> "SensorFrame":
+        """Return it with other measurements of some kinds of sensors."""
+        return replace(self, readings={**self.readings, **readings})
+
+    @property
+    def camera_images(self) -> Sequence[CameraImage]:
+        """Images, by the numbers of the cameras."""
+        return self.readings.get("camera", ())
+
+    @property
+    def lidar_scans(self) -> Sequence[LidarScan]:
+        """Scans, by the numbers of the LiDARs."""
+        return self.readings.get("lidar", ())
+
+    @property
+    def radar_scans(self) -> Sequence[RadarScan]:
+        """Scans, by the numbers of the radars."""
+        return self.readings.get("radar", ())
+
+    @property
+    def thermal_images(self) -> Sequence[ThermalImage]:
+        """Images, by the numbers of the thermal cameras."""
+        return self.readings.get("thermal", ())
+
+    @property
+    def gnss(self) -> GnssFix | None:
+        """Fix of the receiver; None without a receiver or a fix."""
+        return next(iter(self.readings.get("gnss", ())), None)
+
+    @property
+    def imu(self) -> ImuSample | None:
+        """Sample of the inertial unit; None without one."""
+        return next(iter(self.readings.get("imu", ())), None)
+
+    @property
+    def can(self) -> CanSample | None:
+        """Signals of the vehicle's bus; None without one."""
+        return next(iter(self.readings.get("can", ())), None)
+
     @property
     def stamps(self) -> dict[str, float]:
         """When sensors with rates of their own measured, as `Frame.time_s`, by name."""
-        kinds = {
-            "camera": self.camera_images,
-            "lidar": self.lidar_scans,
-            "radar": self.radar_scans,
-            "thermal": self.thermal_images,
-        }
         return {
-            f"{kind}{index}": item.time_s
-            for kind, items in kinds.items()
-            for index, item in enumerate(items)
+            f"{kind.name}{number}": item.time_s
+            for kind in load_sensor_kinds().found.values()
+            if kind.has_place
+            for number, item in enumerate(self.readings.get(kind.name, ()))
             if item.time_s is not None
         }
 
@@ -230,10 +255,10 @@ class SensorFrame:
     def build_thermal_model(self, camera: int) -> CameraModel:
         """Build the projection of a thermal camera in pixels of its image."""
         height, width = self.thermal_images[camera].counts.shape
-        declared = self.agent.sensors.thermals[camera].camera
+        declared = self.agent.sensors.thermals[camera].model
         return CameraModel.build_pinhole(declared.horizontal_fov_deg, width, height)
 
     def build_camera_model(self, camera: int) -> CameraModel:
         """Build the projection of a camera in pixels of its image."""
         height, width = self.camera_images[camera].image.shape[:2]
-        return CameraModel.build(self.agent.sensors.cameras[camera].camera, width, height)
+        return CameraModel.build(self.agent.sensors.cameras[camera].model, width, height)

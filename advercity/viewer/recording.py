@@ -248,7 +248,7 @@ class RerunRecording:
             path = blueprint.format_radar_path(agent, index)
             log(path, archetypes.to_transform3d(agent_from_world @ scan.world_from_radar))
             log(path, archetypes.to_radar_points3d(scan.detections))
-            radar = agent.sensors.radars[index].radar
+            radar = agent.sensors.radars[index].model
             picture = encode_jpeg(draw_range_azimuth(radar, scan))
             path = blueprint.format_range_azimuth_path(agent, index)
             log(path, rr.EncodedImage(contents=picture, media_type="image/jpeg"))

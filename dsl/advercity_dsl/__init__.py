@@ -17,7 +17,9 @@ from advercity_dsl.conflict import Conflict, OutcomeCriteria, StagedActor, Stage
 from advercity_dsl.inertial import Imu
 from advercity_dsl.lidar import Lidar, LidarModel
 from advercity_dsl.mount import Mount
-from advercity_dsl.rig import Gnss, Radar, Rig, SensorSet
+from advercity_dsl.positioning import Gnss
+from advercity_dsl.radar import Radar
+from advercity_dsl.rig import MountedSensor, Rig, SensorSet
 from advercity_dsl.road import (
     MapFile,
     MapNetwork,
@@ -93,6 +95,7 @@ __all__ = [
     "MapNetwork",
     "Model",
     "Mount",
+    "MountedSensor",
     "OutcomeCriteria",
     "PedestrianAppearance",
     "PointSpread",

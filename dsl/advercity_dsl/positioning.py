@@ -1,12 +1,13 @@
-"""Satellite receivers: what they receive, track and solve for."""
+"""Satellite positioning: error models, and receivers with what they receive, track and solve."""
 
 from datetime import datetime
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
-from advercity_dsl.base import CompactModel, Items
-from advercity_dsl.units import Decibels, Degrees, Hertz, Metres, Number, Seconds
+from advercity_dsl.base import CompactModel, InvalidCombination, Items
+from advercity_dsl.sampling import Sampled
+from advercity_dsl.units import Decibels, Degrees, Hertz, Metres, Number, RangeReason, Seconds
 
 ConstellationName = Literal["gps", "galileo", "glonass", "beidou"]
 AntennaOffset = Annotated[Metres, Field(ge=-100, le=100)]
@@ -66,3 +67,44 @@ class SatelliteReceiver(CompactModel):
         if has_offset:
             raise ValueError(f"'{text}' has an offset; write the time in UTC without one")
         return text
+
+
+class Gnss(Sampled):
+    """Satellite positioning: with noise alone, or by satellites among walls and trees.
+
+    `carla` uses the noise in degrees and `altitude_noise_m`; `realistic` white noise plus a
+    first-order Gauss-Markov error, both in metres and larger vertically; `satellites` ranges to
+    satellites as `receiver` says.
+    """
+
+    mode: Literal["carla", "realistic", "satellites"] = "carla"
+    """Error model: that of CARLA, of a real receiver in the open, or one of the place."""
+    receiver: SatelliteReceiver = SatelliteReceiver()
+    """The receiver, for `satellites`."""
+    latitude_noise_deg: Annotated[
+        Degrees, Field(ge=0, le=0.01), RangeReason("0.01 deg are a kilometre")
+    ] = 0
+    """Standard deviation of the latitude, for `carla`."""
+    longitude_noise_deg: Annotated[
+        Degrees, Field(ge=0, le=0.01), RangeReason("0.01 deg are a kilometre")
+    ] = 0
+    """Standard deviation of the longitude, for `carla`."""
+    altitude_noise_m: Annotated[
+        Metres, Field(ge=0, le=1000), RangeReason("no receiver errs by a kilometre")
+    ] = 0
+    """Standard deviation of the altitude, for `carla`."""
+    white_noise_m: Annotated[Metres, Field(ge=0, le=100)] = 0.3
+    """Standard deviation of the white noise, for `realistic`."""
+    wander_m: Annotated[Metres, Field(ge=0, le=100)] = 1.0
+    """Standard deviation of the Gauss-Markov error, for `realistic`."""
+    wander_time_s: Annotated[Seconds, Field(ge=1, le=3600)] = 120
+    """Correlation time of the Gauss-Markov error, for `realistic`."""
+    vertical_factor: Annotated[Number, Field(ge=0, le=10)] = 1.75
+    """Factor of vertical errors over horizontal ones, for `realistic`."""
+
+    @model_validator(mode="after")
+    def _check_receiver(self) -> Self:
+        if self.mode != "satellites" and self.receiver != SatelliteReceiver():
+            message = f"has no effect with mode {self.mode}"
+            raise InvalidCombination(("receiver",), message, "write mode: satellites")
+        return self

@@ -51,9 +51,8 @@ def test_pedestrians_are_not_drawn(readings: tuple[SensorFrame, ...]) -> None:
 def test_vehicles_visible_only_to_other_agents_are_in_the_shared_map_only(
     readings: tuple[SensorFrame, ...],
 ) -> None:
-    blind = replace(
-        readings[0],
-        camera_images=tuple(replace(one, projected_boxes={}) for one in readings[0].camera_images),
+    blind = readings[0].with_readings(
+        camera=tuple(replace(one, projected_boxes={}) for one in readings[0].camera_images)
     )
     own, *_ = draw_bird_views((blind, *readings[1:]), ())
     assert not own["visibility"].any()

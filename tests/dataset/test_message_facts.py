@@ -38,7 +38,7 @@ def without_images(item: SensorFrame) -> SensorFrame:
     sensors = item.agent.sensors
     camera = sensors.camera.model_copy(update={"mounts": sensors.camera.mounts[:1]})
     agent = item.agent.model_copy(update={"sensors": sensors.model_copy(update={"camera": camera})})
-    return replace(item, agent=agent, camera_images=item.camera_images[:1])
+    return replace(item, agent=agent).with_readings(camera=item.camera_images[:1])
 
 
 @pytest.fixture(scope="module")

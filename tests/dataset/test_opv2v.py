@@ -194,7 +194,7 @@ def test_a_walker_is_described_like_a_vehicle(scenario: Path) -> None:
 
 def test_walkers_are_an_empty_map_where_there_are_none(sensor_frames_of: SensorFramesOf) -> None:
     first = sensor_frames_of(0)[0]
-    reading = replace(first, lidar_scans=(replace(first.lidar_scans[0], hits={}),))
+    reading = first.with_readings(lidar=(replace(first.lidar_scans[0], hits={}),))
     description = build_frame_description(reading, annotate_actors(reading))
     assert (description["vehicles"], description["walkers"]) == ({}, {})
 

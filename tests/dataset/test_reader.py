@@ -84,10 +84,8 @@ def test_a_lidar_with_motion_keeps_where_and_when_it_measured(
 ) -> None:
     turning = spec.model_copy(update={"agents": tuple(map(turned, spec.agents))})
     readings = [
-        replace(
-            reading,
-            agent=turned(reading.agent),
-            lidar_scans=(replace(reading.lidar_scans[0], point_cloud=moved(reading.point_cloud)),),
+        replace(reading, agent=turned(reading.agent)).with_readings(
+            lidar=(replace(reading.lidar_scans[0], point_cloud=moved(reading.point_cloud)),)
         )
         for reading in sensor_frames_of(0)
     ]

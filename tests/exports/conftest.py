@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from advercity_dsl import Mount, Spec
-from advercity_dsl.rig import Radar
+from advercity_dsl import Mount, Radar, Spec
 
 from advercity.compiler import with_digest
 from advercity.sensors.measurements import RadarDetections
@@ -42,7 +41,7 @@ def with_radar_scan(sensor_frame: SensorFrame) -> SensorFrame:
             kind=np.zeros(len(points), np.uint8),
         ),
     )
-    return replace(sensor_frame, radar_scans=(scan,))
+    return sensor_frame.with_readings(radar=(scan,))
 
 
 @pytest.fixture(scope="session")

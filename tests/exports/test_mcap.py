@@ -8,7 +8,7 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from advercity_dsl.rig import Gnss
+from advercity_dsl import Gnss
 
 from advercity.dataset.reader import FrameView, open_dataset
 from advercity.errors import InputError

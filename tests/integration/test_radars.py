@@ -74,7 +74,7 @@ def dataset(spec: Spec, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_spec_without_radars_does_not_mention_them(spec: Spec) -> None:
     ego, unit = spec.agents
     assert len(ego.sensors.radars) == 2
-    assert ego.sensors.radars[0].radar.range_m == 80
+    assert ego.sensors.radars[0].model.range_m == 80
     assert "radar" not in unit.sensors.model_dump(mode="json")
 
 

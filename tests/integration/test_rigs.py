@@ -91,7 +91,7 @@ def dataset(spec: Spec, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_one_agent_has_a_rig_and_a_body_of_its_own(spec: Spec, library: Path) -> None:
     ego, unit = spec.agents
-    fields_of_view = [item.camera.horizontal_fov_deg for item in ego.sensors.cameras]
+    fields_of_view = [item.model.horizontal_fov_deg for item in ego.sensors.cameras]
     assert fields_of_view == [70, 70, 90]
     assert [lidar.channels for lidar in ego.sensors.lidars] == [4, 2]
     assert (ego.blueprint, len(unit.sensors.cameras), len(unit.sensors.lidars)) == ("lorry", 1, 1)
@@ -192,5 +192,5 @@ def test_tools_work_with_such_a_rig(dataset: Path, tmp_path: Path) -> None:
 
 def test_small_sensors_shrink_all_of_them(spec: Spec) -> None:
     sensors = with_small_sensors(spec).agents[0].sensors
-    assert {item.camera.width_px for item in sensors.cameras} == {16}
+    assert {item.model.width_px for item in sensors.cameras} == {16}
     assert {lidar.azimuths for lidar in sensors.lidars} == {16}

@@ -67,7 +67,7 @@ def dataset(spec: Spec, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_spec_without_thermal_cameras_does_not_mention_them(spec: Spec) -> None:
     ego, unit = spec.agents
-    assert ego.sensors.thermals[1].camera.netd_mk == 60
+    assert ego.sensors.thermals[1].model.netd_mk == 60
     assert "thermal" not in unit.sensors.model_dump(mode="json")
 
 

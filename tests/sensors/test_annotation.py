@@ -30,9 +30,8 @@ def among(reading: SensorFrame, *states: ActorState, hits: int = 1) -> SensorFra
         reading,
         frame=replace(reading.frame, states=(own, *states)),
         world_from_agent=north,
-        lidar_scans=(
-            replace(reading.lidar_scans[0], hits={state.actor.id: hits for state in states}),
-        ),
+    ).with_readings(
+        lidar=(replace(reading.lidar_scans[0], hits={state.actor.id: hits for state in states}),)
     )
 
 
@@ -54,7 +53,7 @@ def test_roadside_units_annotate_all_connected_vehicles(sensor_frames_of: Sensor
 
 def test_an_actor_without_hits_is_not_annotated(ego: SensorFrame) -> None:
     assert set(
-        annotated(replace(ego, lidar_scans=(replace(ego.lidar_scans[0], hits={201: 1, 202: 0}),)))
+        annotated(ego.with_readings(lidar=(replace(ego.lidar_scans[0], hits={201: 1, 202: 0}),)))
     ) == {201}
 
 
@@ -126,7 +125,7 @@ def points_on(reading: SensorFrame, kinds: list[PointKind]) -> SensorFrame:
         *(getattr(cloud, item.name)[:count].copy() for item in fields(PointCloud)),
     )
     points.instance[:], points.kind[:] = 300, kinds
-    return replace(reading, lidar_scans=(replace(reading.lidar_scans[0], point_cloud=points),))
+    return reading.with_readings(lidar=(replace(reading.lidar_scans[0], point_cloud=points),))
 
 
 def test_points_of_mirror_images_are_counted_apart(ego: SensorFrame) -> None:
@@ -172,7 +171,7 @@ def test_a_roadside_unit_has_no_speed(sensor_frames_of: SensorFramesOf) -> None:
 
 def test_intrinsics_follow_the_size_of_the_image(ego: SensorFrame) -> None:
     image = replace(ego.camera_images[0], image=np.zeros((1080, 1920, 3), np.uint8))
-    full = replace(ego, camera_images=(image,))
+    full = ego.with_readings(camera=(image,))
     assert full.agent.sensors.camera.horizontal_fov_deg == 100
     expected = [[805.5356459, 0, 960], [0, 805.5356459, 540], [0, 0, 1]]
     np.testing.assert_allclose(full.build_camera_model(0).matrix, expected)

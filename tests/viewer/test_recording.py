@@ -314,7 +314,7 @@ def test_a_frame_without_annotations_clears_the_boxes(
 ) -> None:
     path = tmp_path / "nobody.rrd"
     blind = [
-        replace(reading, lidar_scans=(replace(reading.lidar_scans[0], hits={}),))
+        reading.with_readings(lidar=(replace(reading.lidar_scans[0], hits={}),))
         for reading in sensor_frames_of(1)
     ]
     with RerunRecording(spec, (), file=path) as recording:

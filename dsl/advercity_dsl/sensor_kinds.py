@@ -1,0 +1,70 @@
+"""The kinds of sensors of this installation: those of advercity, then those of others.
+
+Another distribution registers its `SensorKind`, under the kind's name, as an entry point of the
+group `advercity.sensors`.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from itertools import groupby
+from operator import itemgetter
+from typing import NamedTuple
+
+from advercity_dsl.camera import Camera
+from advercity_dsl.can_bus import CanBus
+from advercity_dsl.inertial import Imu
+from advercity_dsl.lidar import Lidar
+from advercity_dsl.positioning import Gnss
+from advercity_dsl.radar import Radar
+from advercity_dsl.sensor_kind import SensorKind
+from advercity_dsl.thermal import ThermalCamera
+
+ENTRY_POINT_GROUP = "advercity.sensors"
+CORE_KINDS = {
+    kind.name: kind
+    for kind in (
+        SensorKind("camera", "camera", Camera, "aimed"),
+        SensorKind("lidar", "LiDAR", Lidar, "level"),
+        SensorKind("radar", "radar", Radar, "aimed"),
+        SensorKind("thermal", "thermal camera", ThermalCamera, "aimed"),
+        SensorKind("gnss", "satellite receiver", Gnss, "body"),
+        SensorKind("imu", "inertial unit", Imu, "body"),
+        SensorKind("can", "bus", CanBus, "body", not_on_units="a roadside unit has no wheels"),
+    )
+}
+"""The kinds of advercity by name."""
+
+
+class SensorKinds(NamedTuple):
+    """Kinds by name, and why others that are registered cannot be used."""
+
+    found: Mapping[str, SensorKind]
+    broken: Mapping[str, str]
+
+
+@cache
+def load_sensor_kinds() -> SensorKinds:
+    """Load the kinds of this installation."""
+    found, broken = dict(CORE_KINDS), dict[str, str]()
+    # By name, since the order in which distributions were installed must decide nothing. One that
+    # is found on two paths is listed twice.
+    entries = {(entry.name, entry.value) for entry in entry_points(group=ENTRY_POINT_GROUP)}
+    for name, claims in groupby(sorted(entries), key=itemgetter(0)):
+        try:
+            found[name] = _load_kind(name, [value for _, value in claims])
+        except (AttributeError, ImportError, ValueError) as error:
+            broken[name] = str(error)
+    return SensorKinds(found, broken)
+
+
+def _load_kind(name: str, values: Sequence[str]) -> SensorKind:
+    """Load the one record that claims a name; ValueError if there is none of that name."""
+    if name in CORE_KINDS or len(values) > 1:
+        raise ValueError(f"the name is claimed by {', '.join(values)}; uninstall all but one")
+    module, _, attribute = values[0].partition(":")
+    kind = getattr(import_module(module), attribute)
+    if not isinstance(kind, SensorKind) or kind.name != name:
+        raise ValueError(f"{values[0]} is no SensorKind with the name '{name}'")
+    return kind
