@@ -14,11 +14,8 @@ from advercity_dsl.units import Point2
 
 from advercity.errors import InputError
 from advercity.geometry.polyline import StationedPolyline
-from advercity.roads.junction_arms import (
-    MisplacedAgentError,
-    find_junctions,
-    place_at_every_arm,
-)
+from advercity.roads.arms import MisplacedPartError
+from advercity.roads.junction_arms import find_junctions, place_at_every_arm
 from advercity.roads.lane_graph import (
     MAX_DESTINATION_GAP_M,
     MAX_LANE_DISTANCE_M,
@@ -35,6 +32,8 @@ MAX_ROADSIDE_DISTANCE_M = 100.0
 """Distance from any lane beyond which a roadside unit observes no traffic."""
 MAX_HEADING_GAP_RAD = np.pi / 3
 """Difference between a vehicle's heading and that of its lane."""
+ONCOMING_MARGIN_M = 0.5
+"""A vehicle may be nearer to an oncoming lane than to its own by this: narrow streets overlap."""
 SUGGESTED_LANES = 3
 Problem = tuple[ValuePath, str, str]
 """Path of a value, what is wrong with it, and the way out."""
@@ -50,7 +49,7 @@ def place_agents(road: Road) -> tuple[list[list[Road]], dict[str, str]]:
         junction that was left out, why.
 
     Raises:
-        MisplacedAgentError: No junction fits.
+        MisplacedPartError: No junction fits.
     """
     declared = road.at_junction
     if declared is None:
@@ -59,17 +58,17 @@ def place_agents(road: Road) -> tuple[list[list[Road]], dict[str, str]]:
     try:
         names = find_junctions(planner, declared.junction)
     except InputError as error:
-        raise MisplacedAgentError(("at_junction", "junction"), str(error)) from None
+        raise MisplacedPartError(("at_junction", "junction"), str(error)) from None
     if names == (declared.junction,):
         return [place_at_every_arm(road, declared, names[0])], {}
     placed: list[list[Road]] = []
-    refused: dict[str, MisplacedAgentError] = {}
+    refused: dict[str, MisplacedPartError] = {}
     for name in names:
         try:
             found = place_at_every_arm(road, declared, name)
             update = {"id": f"{road.id}_{name}"}
             placed.append([item.model_copy(update=update) for item in found])
-        except MisplacedAgentError as error:
+        except MisplacedPartError as error:
             refused[name] = error
     if refused and (not placed or not isinstance(declared.junction, str)):
         raise next(iter(refused.values()))
@@ -80,7 +79,7 @@ def complete_routes(road: Road) -> Road:
     """Give connected vehicles without a route the shortest one; others stay as they are.
 
     Raises:
-        MisplacedAgentError: A vehicle is on no lane, or no route leads to its destination.
+        MisplacedPartError: A vehicle is on no lane, or no route leads to its destination.
     """
     vehicles = {
         name: agent
@@ -96,7 +95,7 @@ def complete_routes(road: Road) -> Road:
     for name, vehicle in vehicles.items():
         problem = next(_find_start_problems(road, name, vehicle), None)
         if problem is not None:
-            raise MisplacedAgentError(problem[0], f"{problem[1]}; {problem[2]}")
+            raise MisplacedPartError(problem[0], f"{problem[1]}; {problem[2]}")
         place = plan.agents[name]
         assert isinstance(place, Vehicle)
         lane, position_m = graph.find_lane(place.spawn_m, np.radians(place.heading_deg))
@@ -105,7 +104,7 @@ def complete_routes(road: Road) -> Road:
         except InputError as error:
             nearest = _describe_nearest_lanes(road, vehicle.destination_m)
             message = f"{error}; nearest to the destination: {nearest}"
-            raise MisplacedAgentError(("agents", name, "destination_m"), message) from None
+            raise MisplacedPartError(("agents", name, "destination_m"), message) from None
         streets = tuple(approach_name(edge) for edge in edges)
         routed[name] = vehicle.model_copy(update={"route": streets})
     return road.model_copy(update={"agents": routed})
@@ -153,11 +152,16 @@ def _find_distance_problems(
 
 def _find_start_problems(road: Road, name: str, vehicle: Vehicle) -> Iterator[Problem]:
     heading = np.radians(vehicle.heading_deg)
+    own_m, oncoming_m = np.inf, np.inf
     for _, line in _iterate_lanes(road):
         station_m, distance_m = line.project_point(vehicle.spawn_m)
-        gap = np.cos(line.headings_at(station_m) - heading)
-        if distance_m < MAX_LANE_DISTANCE_M and gap > np.cos(MAX_HEADING_GAP_RAD):
-            return
+        cosine = np.cos(line.headings_at(station_m) - heading)
+        if cosine > np.cos(MAX_HEADING_GAP_RAD):
+            own_m = min(own_m, distance_m)
+        elif cosine < -np.cos(MAX_HEADING_GAP_RAD):
+            oncoming_m = min(oncoming_m, distance_m)
+    if own_m < MAX_LANE_DISTANCE_M and own_m < oncoming_m + ONCOMING_MARGIN_M:
+        return
     at = f"{vehicle.spawn_m[0]:g}, {vehicle.spawn_m[1]:g}"
     message = f"no driving lane at {at} leads {vehicle.heading_deg:g} degrees from east"
     hint = f"move or turn the vehicle; nearest: {_describe_nearest_lanes(road, vehicle.spawn_m)}"

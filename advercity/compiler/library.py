@@ -53,7 +53,7 @@ from advercity.digests import compute_json_digest
 from advercity.documents import MAX_MODEL_BYTES, read_bytes, suggest_path
 from advercity.errors import InputError, describe_cause
 from advercity.recordings.track_file import load_trajectories
-from advercity.roads.junction_arms import MisplacedAgentError
+from advercity.roads.arms import MisplacedPartError
 from advercity.roads.map_import import import_map
 
 DeclarationT = TypeVar("DeclarationT", bound=Declaration)
@@ -399,11 +399,11 @@ def _complete_road(
         road, mapped = _import_map(road, road.imported, source)
     if isinstance(road.trajectories, TrajectoryFile):
         road = _load_trajectories(road, road.trajectories, source)
-    grown = grow_surroundings(road, mapped)
     try:
+        grown = grow_surroundings(road, mapped)
         placed, left_out = place_agents(grown)
         return [[complete_routes(item) for item in places] for places in placed], left_out
-    except MisplacedAgentError as error:
+    except MisplacedPartError as error:
         raise DiagnosticsError(source.build_diagnostic(error.value_path, str(error))) from None
 
 

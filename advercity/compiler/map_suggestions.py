@@ -23,7 +23,8 @@ from advercity.compiler.suite_conflicts import (
     solve_road_conflicts,
 )
 from advercity.errors import InputError, report_write_errors
-from advercity.roads.junction_arms import JunctionArms, MisplacedAgentError, place_at_every_arm
+from advercity.roads.arms import MisplacedPartError
+from advercity.roads.junction_arms import JunctionArms, place_at_every_arm
 from advercity.roads.lanelet2.placing import find_middle
 from advercity.roads.map_files import read_map_file
 from advercity.roads.map_import import import_map
@@ -175,7 +176,7 @@ class _Finder:
             name = f"{self.road.id}{suffix}"
             try:
                 placed = place_at_every_arm(self.road, declared, junction)
-            except MisplacedAgentError as error:
+            except MisplacedPartError as error:
                 reason = str(error)
                 continue
             update = {"id": f"{name}_{junction}"}

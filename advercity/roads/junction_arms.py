@@ -13,12 +13,13 @@ from itertools import pairwise
 import numpy as np
 import shapely
 from advercity_dsl import MapNetwork, Road, RoadsideUnit, Vehicle
-from advercity_dsl.base import ValuePath, suggest_name
+from advercity_dsl.base import suggest_name
 from advercity_dsl.conflict import Manoeuvre
 from advercity_dsl.road import ArmUnit, ArmVehicle, EgoRoute, JunctionAgents, Movement
 from numpy.typing import NDArray
 
 from advercity.errors import InputError
+from advercity.roads.arms import MisplacedPartError
 from advercity.roads.imported_streets import start_with_green
 from advercity.roads.plan_frame import mirror_route, mirror_unit, to_plan_frame
 from advercity.roads.routes import RoutePath, RoutePlanner
@@ -313,36 +314,24 @@ def _gap(first: float, second: float) -> float:
     return float(abs((first - second + np.pi) % (2 * np.pi) - np.pi))
 
 
-class MisplacedAgentError(InputError):
-    """An agent cannot be where it is declared.
-
-    Attributes:
-        value_path: Path of the value to change, in the road.
-    """
-
-    def __init__(self, value_path: ValuePath, message: str) -> None:
-        super().__init__(message)
-        self.value_path = value_path
-
-
 def place_at_every_arm(road: Road, declared: JunctionAgents, junction: str) -> list[Road]:
     """Place the agents of a road at a junction, with the ego on each arm that it may come from.
 
     An ego without `arm` may come from all at which the others find their places, the busiest first.
 
     Raises:
-        MisplacedAgentError: It can come from none.
+        MisplacedPartError: It can come from none.
     """
     name, ego = next(pair for pair in declared.agents.items() if _is_ego(pair[1]))
     arms = [ego.arm] if ego.arm else JunctionArms.of_road(road, junction).rank_arms()
-    refusal = MisplacedAgentError(("at_junction", "junction"), f"no traffic crosses '{junction}'")
+    refusal = MisplacedPartError(("at_junction", "junction"), f"no traffic crosses '{junction}'")
     placed: list[Road] = []
     for arm in reversed(arms):
         agents = {**declared.agents, name: ego.model_copy(update={"arm": arm})}
         moved = declared.model_copy(update={"agents": agents})
         try:
             placed.insert(0, place_junction_agents(road, moved, junction))
-        except MisplacedAgentError as error:
+        except MisplacedPartError as error:
             refusal = error
     if not placed:
         raise refusal
@@ -350,7 +339,7 @@ def place_at_every_arm(road: Road, declared: JunctionAgents, junction: str) -> l
 
 
 def place_junction_agents(road: Road, declared: JunctionAgents, junction: str) -> Road:
-    """Place the agents of a road at one of its junctions; MisplacedAgentError if one cannot be."""
+    """Place the agents of a road at one of its junctions; MisplacedPartError if one cannot be."""
     arms = JunctionArms.of_road(road, junction)
     agents: dict[str, Vehicle | RoadsideUnit] = {}
     ego_arm, ego_routes = None, dict[Manoeuvre, EgoRoute]()
@@ -363,7 +352,7 @@ def place_junction_agents(road: Road, declared: JunctionAgents, junction: str) -
                 continue
             agents[name], routes = place_vehicle(arms, arm, item)
         except InputError as error:
-            raise MisplacedAgentError(("at_junction", "agents", name), str(error)) from None
+            raise MisplacedPartError(("at_junction", "agents", name), str(error)) from None
         if item.role == "ego":
             ego_arm, ego_routes = arm, routes
     changes: dict[str, object] = {

@@ -12,82 +12,13 @@ from numpy.typing import NDArray
 from advercity.errors import InputError
 from advercity.geometry import curves, polyline
 from advercity.geometry.polyline import Points
-from advercity.roads.streets import StreetLayout, StripLayout, lay_out_streets
+from advercity.roads.arms import JunctionArm, build_arms, list_movements
+from advercity.roads.streets import StreetLayout, lay_out_streets
 
 CROSSING_SETBACK_M = 0.6
 """Distance from the end of a street to the near edge of its crossing."""
 MIN_CORNER_RADIUS_M = 0.5
 """Smallest radius of the inner border of a turn."""
-
-
-@dataclass(frozen=True)
-class JunctionArm:
-    """The end of a street at a junction, seen from the junction.
-
-    `u` is the offset from the axis in metres, positive to the left when looking out along the arm.
-    """
-
-    street: StreetLayout
-    is_street_end: bool
-    """Whether the street ends here, rather than begins."""
-
-    @property
-    def axis_end(self) -> Points:
-        """(3,) end of the axis at the junction."""
-        return self.street.axis[-1 if self.is_street_end else 0]
-
-    @property
-    def outward_direction(self) -> Points:
-        """(2,) unit vector away from the junction."""
-        direction = polyline.unit_vectors(self.street.headings[-1 if self.is_street_end else 0])
-        return -direction if self.is_street_end else direction
-
-    def point_at(self, u: float, inward_m: float = 0.0) -> Points:
-        """Compute the point (3,) at offset `u`, `inward_m` inside the junction."""
-        plane = (
-            self.axis_end[:2]
-            + u * polyline.left_normals(self.outward_direction)
-            - inward_m * self.outward_direction
-        )
-        return np.array([*plane, self.axis_end[2]])
-
-    def to_arm_offset(self, t: float) -> float:
-        """Convert an offset `t` of its street to `u`."""
-        return -t if self.is_street_end else t
-
-    def strips_on_side(self, *, leftwards: bool) -> tuple[StripLayout, ...]:
-        """Strips left or right of the axis seen from the junction, from the axis outwards."""
-        return self.street.strips_in_direction(along=self.is_street_end == leftwards)
-
-    def inbound_strips(self) -> tuple[StripLayout, ...]:
-        """List strips that are travelled towards the junction, from the axis outwards."""
-        return self.street.strips_in_direction(along=self.is_street_end)
-
-    def outbound_strips(self) -> tuple[StripLayout, ...]:
-        """List strips that are travelled away from the junction, from the axis outwards."""
-        return self.street.strips_in_direction(along=not self.is_street_end)
-
-    def roadway_edge_offset(self, *, leftwards: bool) -> float:
-        """Compute `u` of the edge between the roadway and the sidewalk or verge."""
-        strips = self.strips_on_side(leftwards=leftwards)
-        edges = [strip.outer_t for strip in strips if not _is_raised_border(strip)]
-        return self.to_arm_offset(edges[-1]) if edges else 0.0
-
-    def outer_edge_offset(self, *, leftwards: bool) -> float:
-        """Compute `u` of the outer edge of the outermost strip."""
-        strips = self.strips_on_side(leftwards=leftwards)
-        return self.to_arm_offset(strips[-1].outer_t) if strips else 0.0
-
-    def sidewalk_offsets(self, *, leftwards: bool) -> tuple[float, float] | None:
-        """Compute `u` of the inner and outer edge of the sidewalk; None without one."""
-        for strip in self.strips_on_side(leftwards=leftwards):
-            if strip.kind is StripKind.SIDEWALK:
-                return self.to_arm_offset(strip.inner_t), self.to_arm_offset(strip.outer_t)
-        return None
-
-
-def _is_raised_border(strip: StripLayout) -> bool:
-    return strip.kind in (StripKind.SIDEWALK, StripKind.VERGE)
 
 
 @dataclass(frozen=True)
@@ -170,9 +101,7 @@ class JunctionLayout:
 
     def turn_angle(self, source: str, target: str) -> float:
         """Compute the angle in radians from a street into another, positive to the left."""
-        out = -self.find_arm(source).outward_direction
-        into = self.find_arm(target).outward_direction
-        return float(np.arctan2(out[0] * into[1] - out[1] * into[0], out @ into))
+        return self.find_arm(source).turn_angle(self.find_arm(target))
 
     def height_at(self, points: Points) -> NDArray[np.float64]:
         """Compute heights (n,) of the roadway at points (n, 2) inside the outline."""
@@ -183,7 +112,7 @@ def lay_out_junction(
     name: str, declared: Junction, streets: dict[str, StreetLayout]
 ) -> JunctionLayout:
     """Lay out a declared junction between sampled streets; InputError where they do not fit."""
-    arms = _build_arms(name, streets)
+    arms = build_arms(name, streets)
     corners = tuple(
         _build_corner(arm, following, declared.corner_radius_m)
         for arm, following in zip(arms, (*arms[1:], arms[0]), strict=True)
@@ -197,30 +126,13 @@ def lay_out_junction(
         roadway_outline=outline,
         corners=corners,
         connecting_paths=tuple(
-            _build_connecting_path(name, text, by_street, outline, declared.turn_radius_m or np.inf)
-            for text in declared.movements
+            _build_connecting_path(name, item, by_street, outline, declared.turn_radius_m or np.inf)
+            for item in list_movements(declared, arms)
         ),
         crossings=tuple(
             _lay_out_crossing(item, by_street[item.street]) for item in declared.crossings
         ),
         median=_build_median(name, declared.median, by_street) if declared.median else None,
-    )
-
-
-def _build_arms(name: str, streets: dict[str, StreetLayout]) -> tuple[JunctionArm, ...]:
-    arms = [
-        JunctionArm(street, is_street_end=street.ends == name)
-        for street in streets.values()
-        if name in (street.begins, street.ends)
-    ]
-    if len(arms) < 2:
-        raise InputError(
-            f"junctions.{name}: only '{arms[0].street.id}' leads to it; a junction joins two "
-            "streets or more (a street that ends at the edge of the site needs none)"
-        )
-    middle = np.mean([arm.axis_end[:2] for arm in arms], axis=0)
-    return tuple(
-        sorted(arms, key=lambda arm: float(np.arctan2(*(arm.axis_end[:2] - middle)[::-1])))
     )
 
 
@@ -261,9 +173,12 @@ def _connect_arms(
 
 
 def _build_connecting_path(
-    name: str, text: str, arms: dict[str, JunctionArm], outline: Points, turn_radius_m: float
+    name: str,
+    movement: Movement,
+    arms: dict[str, JunctionArm],
+    outline: Points,
+    turn_radius_m: float,
 ) -> ConnectingPath:
-    movement = Movement.parse(text)
     source, target = arms[movement.from_street], arms[movement.to_street]
     leaving = source.street.find_lane(movement.from_lane, along=source.is_street_end)
     entering = target.street.find_lane(movement.to_lane, along=not target.is_street_end)
@@ -288,7 +203,7 @@ def _build_connecting_path(
     # Lanes and paths share their end points exactly, so netconvert leaves no step between them.
     z[0], z[-1] = source.axis_end[2], target.axis_end[2]
     centre, left, right = (np.column_stack([line, z]) for line in lines)
-    return ConnectingPath(f"{name}: {text}", movement, centre, left, right)
+    return ConnectingPath(f"{name}: {movement}", movement, centre, left, right)
 
 
 def _lay_out_crossing(declared: Crossing, arm: JunctionArm) -> CrossingLayout:

@@ -22,7 +22,8 @@ from advercity.geometry.mesh import (
     triangulate_polygon,
 )
 from advercity.geometry.polyline import Points, StationedPolyline
-from advercity.roads.layout import JunctionArm, JunctionLayout, RoadLayout
+from advercity.roads.arms import JunctionArm
+from advercity.roads.layout import JunctionLayout, RoadLayout
 from advercity.roads.streets import StreetLayout, StripLayout
 from advercity.semantics import Semantic
 

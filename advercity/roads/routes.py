@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from advercity.errors import InputError
 from advercity.geometry import curves, polyline
 from advercity.geometry.polyline import StationedPolyline
+from advercity.roads.arms import build_arms, list_movements
 from advercity.roads.imported_streets import ImportedStreets, read_imported_streets
 from advercity.roads.signals import find_declared_green_s
 from advercity.roads.streets import StreetLayout, StripLayout, lay_out_streets
@@ -144,7 +145,7 @@ class RoutePlanner:
         if self._imported:
             return self._imported.movements
         return {
-            name: tuple(Movement.parse(text) for text in junction.movements)
+            name: tuple(list_movements(junction, build_arms(name, self.streets)))
             for name, junction in self.road.junctions.items()
         }
 

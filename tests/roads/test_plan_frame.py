@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from advercity.compiler.agent_places import complete_routes, find_place_problems, place_agents
 from advercity.compiler.library import load_library
 from advercity.geometry.mesh import Mesh
-from advercity.roads.junction_arms import JunctionArms, MisplacedAgentError
+from advercity.roads.junction_arms import JunctionArms, MisplacedPartError
 from advercity.roads.plan_frame import mirror_road, to_plan_frame, to_plan_spec
 from advercity.roads.road_network import build_road
 from tests.roads.imported_roads import AT_JUNCTION, compiled_suite
@@ -115,7 +115,7 @@ def test_a_vehicle_on_the_wrong_side_is_told_where_the_lanes_are():
     agents = {"cav1": STREET["agents"]["cav1"] | {"spawn_m": [-100, AXIS_Y_M - 6]}}
     road = build_street(agents=agents)
 
-    with pytest.raises(MisplacedAgentError) as caught:
+    with pytest.raises(MisplacedPartError) as caught:
         complete_routes(road)
 
     text = str(caught.value)

@@ -187,6 +187,11 @@ class DeclaredStreets:
         section = self.sections[self.streets[street].section]
         return section.right if right else section.left
 
+    def count_lanes(self, street: Id, *, along: bool) -> int:
+        """Count the lanes that are travelled along a street's axis, or against it."""
+        strips = self.get_strips(street, right=along != self.is_left_hand)
+        return sum(strip.kind is StripKind.LANE for strip in strips)
+
 
 def check_street(network: DeclaredStreets, name: Id) -> None:
     """Check that a street has a known cross-section and two different ends."""
@@ -213,8 +218,32 @@ def check_junction(network: DeclaredStreets, name: Id, junction: Junction) -> No
         _require_name(street, meeting, (*value_path, "arrows"))
         arrives = network.streets[street].ends == name
         _check_lane(network, street, int(number), (*value_path, "arrows"), along=arrives)
-    for text in junction.movements:
-        _check_movement(network, name, Movement.parse(text), meeting)
+    if junction.movements != "all":
+        for text in junction.movements:
+            _check_movement(network, name, Movement.parse(text), meeting)
+    if junction.signals is not None:
+        _check_cycle(network, name, junction, meeting)
+
+
+def _check_cycle(
+    network: DeclaredStreets, name: Id, junction: Junction, meeting: Collection[Id]
+) -> None:
+    """Check that every street from which traffic enters a junction has a green phase."""
+    if junction.movements == "all":
+        entering = [
+            street
+            for street in meeting
+            if network.count_lanes(street, along=network.streets[street].ends == name)
+        ]
+    else:
+        entering = [Movement.parse(text).from_street for text in junction.movements]
+    assert junction.signals is not None
+    green = {street for phase in junction.signals.phases for street in phase}
+    for street in entering:
+        if street not in green:
+            value_path = ("junctions", name, "signals", "cycle")
+            message = f"'{street}' never has green"
+            raise InvalidCombination(value_path, message, f"add [{street}], or add it to a phase")
 
 
 def check_route(network: DeclaredStreets, name: Id, vehicle: Vehicle) -> None:
@@ -267,8 +296,7 @@ def _check_movement(
 def _check_lane(
     network: DeclaredStreets, street: Id, number: int, value_path: ValuePath, *, along: bool
 ) -> None:
-    strips = network.get_strips(street, right=along != network.is_left_hand)
-    count = sum(strip.kind is StripKind.LANE for strip in strips)
+    count = network.count_lanes(street, along=along)
     if not 1 <= number <= count:
         side = "along" if along else "against"
         message = f"unknown lane '{street}.{number}'"

@@ -3,9 +3,17 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, StringConstraints, Tag
+from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
 
-from advercity_dsl.base import CompactModel, Id, Items, Model, is_empty, is_none
+from advercity_dsl.base import (
+    CompactModel,
+    Id,
+    InvalidCombination,
+    Items,
+    Model,
+    is_empty,
+    is_none,
+)
 from advercity_dsl.units import Point2, Point3, PositiveMetres, RangeReason, Seconds
 
 LaneText = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.\d$")]
@@ -16,6 +24,25 @@ MovementText = Annotated[
     str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.\d > [a-z][a-z0-9_]*\.\d$")
 ]
 """`north_road.1 > east_road.1`: from the innermost lane of one street into that of another."""
+
+
+def _check_movements(value: object) -> object:
+    if isinstance(value, str) and value != "all":
+        message = f"'{value[:40]}' is neither `all` nor a list of movements"
+        raise InvalidCombination((), message, "write [north.1 > east.1]")
+    return value
+
+
+def _find_movements_tag(value: object) -> str:
+    return "list" if isinstance(value, list | tuple) else "all"
+
+
+Movements = Annotated[
+    Annotated[Literal["all"], Tag("all")] | Annotated[Items[MovementText], Tag("list")],
+    Discriminator(_find_movements_tag),
+    BeforeValidator(_check_movements),
+]
+"""`all`: from every street into every other one; or a list of movements."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +61,9 @@ class Movement:
             side.split(".") for side in text.split(" > ")
         )
         return Movement(from_street, int(from_lane), to_street, int(to_lane))
+
+    def __str__(self) -> str:
+        return f"{self.from_street}.{self.from_lane} > {self.to_street}.{self.to_lane}"
 
 
 class SignalHead(Model):
@@ -110,8 +140,8 @@ class Junction(CompactModel):
 
     control: Literal["signals", "priority", "stop", "yield", "none"] = "none"
     """Rule of right of way."""
-    movements: Items[MovementText] = ()
-    """Lane links through it: `north.1 > east.1`."""
+    movements: Movements = "all"
+    """Lane links through it, `north.1 > east.1`; `all` leads into every other street."""
     corner_radius_m: Annotated[PositiveMetres, Field(ge=0.1, le=200)] = 5.0
     """Radius of the roadway's edge between neighbouring streets."""
     turn_radius_m: Annotated[PositiveMetres, Field(ge=1, le=1000)] | None = Field(
