@@ -29,6 +29,7 @@ from advercity_dsl.suite import Coverage, Selection
 from advercity.compiler.agent_places import find_place_problems, iterate_strip_lines
 from advercity.compiler.library import Library
 from advercity.diagnostics import Diagnostic, DiagnosticsError
+from advercity.roads.arms import MisplacedPartError
 from advercity.roads.capacity import describe_excess
 
 _logger = logging.getLogger(__name__)
@@ -307,5 +308,8 @@ def _check_ego(library: Library, road: Road) -> Iterator[Diagnostic]:
 
 
 def _check_agent_positions(library: Library, road: Road) -> Iterator[Diagnostic]:
-    for value_path, message, hint in find_place_problems(road):
-        yield library.build_diagnostic(road, *value_path, message=message, hint=hint)
+    try:
+        for value_path, message, hint in find_place_problems(road):
+            yield library.build_diagnostic(road, *value_path, message=message, hint=hint)
+    except MisplacedPartError as error:
+        yield library.build_diagnostic(road, *error.value_path, message=str(error))

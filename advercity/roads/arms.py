@@ -136,8 +136,8 @@ def _check_arm(name: str, arm: JunctionArm, others: list[JunctionArm]) -> None:
     inward = np.mean([other.axis_end[:2] for other in others], axis=0) - arm.axis_end[:2]
     distance_m = float(np.linalg.norm(inward))
     end = "ends" if arm.is_street_end else "begins"
-    east, north = arm.axis_end[:2]
-    message = f"{end} at {east:.1f}, {north:.1f}"
+    east, north = np.round(arm.axis_end[:2], 1) + 0.0
+    message = f"{end} at {east}, {north}"
     if distance_m > MAX_ARM_DISTANCE_M:
         message += (
             f", {distance_m:.0f} m from the other streets of junction '{name}'; the limit is"

@@ -1,5 +1,7 @@
 """Layout of streets and junctions."""
 
+import re
+
 import numpy as np
 import pytest
 import shapely
@@ -10,7 +12,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from advercity.errors import InputError
+from advercity.roads.arms import MisplacedPartError
 from advercity.roads.layout import RoadLayout, interpolate_mean_value_height, lay_out_road
+from advercity.roads.routes import RoutePlanner
 
 NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
 
@@ -112,6 +116,106 @@ def test_opposite_lanes_are_travelled_in_opposite_directions() -> None:
 def test_a_reference_to_a_missing_part_is_refused(old: str, new: str, message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         tiny(old, new)
+
+
+CROSS_ENDS = {
+    "west": (-20, 0, 0),
+    "east": (20, 0, 180),
+    "south": (0, -20, 90),
+    "north": (0, 20, -90),
+}
+"""Where streets end, and the heading there."""
+
+
+def cross(lanes: int, heading_deg: float = 0.0, **ends: tuple[float, float, float]) -> Road:
+    """Streets that end at one junction without declared movements, turned around its middle."""
+    data = yaml.safe_load(TINY)
+    side = [{"kind": "lane", "width_m": 3}] * lanes
+    data["sections"]["plain"] = {"left": side, "right": side}
+    data["junctions"] = {"j": {}}
+    turn = np.radians(heading_deg)
+    data["streets"] = {}
+    for name, (east, north, towards_deg) in (ends or CROSS_ENDS).items():
+        towards = np.radians(towards_deg)
+        x, y = np.array([east, north]) - 40 * np.array([np.cos(towards), np.sin(towards)])
+        start = x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)
+        data["streets"][name] = {
+            "begins": f"{name}_end",
+            "ends": "j",
+            "start_m": [round(value, 6) for value in start],
+            "heading_deg": (towards_deg + heading_deg + 180) % 360 - 180,
+            "path": [{"line_m": 40}],
+            "section": "plain",
+            "speed_limit_km_h": 30,
+        }
+    return Road.model_validate(data)
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 17.0, 200.0])
+@pytest.mark.parametrize(
+    ("lanes", "from_west"),
+    [
+        (1, {"west.1 > north.1", "west.1 > east.1", "west.1 > south.1"}),
+        (2, {"west.1 > north.1", "west.1 > east.1", "west.2 > east.2", "west.2 > south.2"}),
+    ],
+)
+def test_a_junction_without_movements_leads_into_every_other_street(
+    lanes: int, from_west: set[str], heading_deg: float
+) -> None:
+    (junction,) = lay_out_road(cross(lanes, heading_deg)).junctions.values()
+    movements = {str(path.movement) for path in junction.connecting_paths}
+    assert {text for text in movements if text.startswith("west.")} == from_west
+    assert len(movements) == 4 * len(from_west)
+    planned = RoutePlanner(cross(lanes, heading_deg)).movements["j"]
+    assert {str(movement) for movement in planned} == movements
+
+
+@pytest.mark.parametrize(
+    ("east", "complaint"),
+    [
+        ((49, 0, 180), None),
+        ((51, 0, 180), "ends at 51.0, 0.0, 51 m from the other streets of junction 'j'"),
+        ((20, 0, 0), "ends at 20.0, 0.0 and leads away from junction 'j'"),
+        ((20, 0, 95), None),
+    ],
+)
+def test_a_street_reaches_its_junction_and_leads_into_it(
+    east: tuple[float, float, float], complaint: str | None
+) -> None:
+    road = cross(1, east=east, south=(0, -20, 90), north=(0, 20, -90))
+    if complaint is None:
+        assert len(lay_out_road(road).junctions["j"].arms) == 3
+        return
+    with pytest.raises(MisplacedPartError, match=re.escape(complaint)) as caught:
+        lay_out_road(road)
+    assert caught.value.value_path == ("streets", "east", "path")
+
+
+@pytest.mark.parametrize(
+    ("cycle", "complaint"),
+    [
+        ("[[west, east], [south, north]]", None),
+        ("[west, east, south, north]", None),
+        ("[[west, east], [south]]", "'north' never has green"),
+        ("[[west, east, south]]", "'north' never has green"),
+    ],
+)
+def test_every_leg_of_a_signal_cycle_has_green(cycle: str, complaint: str | None) -> None:
+    data = cross(1).model_dump(mode="json")
+    signals = {"cycle": yaml.safe_load(cycle), "green_s": 10}
+    data["junctions"] = {"j": {"control": "signals", "signals": signals}}
+    if complaint is None:
+        assert Road.model_validate(data).junctions["j"].movements == "all"
+        return
+    with pytest.raises(ValidationError, match=complaint):
+        Road.model_validate(data)
+
+
+def test_movements_are_a_list_or_all() -> None:
+    junction = lay_out_road(tiny("[a.1 > b.1, b.1 > a.1]", "all")).junctions["j"]
+    assert [str(it.movement) for it in junction.connecting_paths] == ["b.1 > a.1", "a.1 > b.1"]
+    with pytest.raises(ValidationError, match="'most' is neither `all` nor a list of movements"):
+        tiny("[a.1 > b.1, b.1 > a.1]", "most")
 
 
 def test_a_junction_of_one_street_is_refused() -> None:

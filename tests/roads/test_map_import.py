@@ -231,6 +231,10 @@ def test_a_road_is_authored_or_imported_but_not_both() -> None:
             r"nearest: road_12_1.1 at \[-60.0, -1.6\] heading 0",
         ),
         (
+            {"spawn_m": [-60, 1.6]},
+            r"cav1.heading_deg: no driving lane at -60, 1.6 leads 0 degrees.*heading 180",
+        ),
+        (
             {"destination_m": [-110, -1.6]},
             r"cav1.destination_m: no route leads.*nearest to the destination: road_12_1.1",
         ),
