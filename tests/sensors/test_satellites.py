@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
 from advercity_dsl.positioning import SatelliteReceiver
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from advercity.geometry.geodesy import Geodetic, enu_from_geodetic
@@ -326,3 +328,75 @@ def test_two_antennas_give_a_heading_as_good_as_their_distance() -> None:
         spread.append(float(np.degrees(np.std(headings))))
     assert spread[0] == pytest.approx(2 * spread[1], rel=0.01)
     assert 0.02 < spread[1] < 0.3
+
+
+@dataclass(frozen=True)
+class EchoingSky(SkyView):
+    """A sky that reflects signals from the east, or from everywhere, with one amplitude."""
+
+    amplitude: float
+    excess_m: float = 2.0
+    blocked: bool = False
+    everywhere: bool = True
+
+    def look(
+        self, antennas: np.ndarray, directions: np.ndarray
+    ) -> tuple[NDArray[np.bool_], np.ndarray]:
+        return np.full(len(directions), self.blocked), np.zeros(len(directions))
+
+    def find_reflections(
+        self, antenna: np.ndarray, directions: np.ndarray, *, cross_polar_db: float
+    ) -> Reflections:
+        reflected = self.everywhere | (directions[:, 0] > 0)
+        return Reflections(
+            np.where(reflected, self.amplitude, 0.0),
+            np.full(len(directions), self.excess_m),
+            np.tile([1.0, 0.0, 0.0], (len(directions), 1)),
+        )
+
+
+def receive(sky: SkyView, **fields: object) -> GnssFix | None:
+    """The first fix of a receiver at rest at the origin."""
+    receiver = SatelliteReceiver.model_validate({"cn0_drop_db": 0, "cn0_zenith_db_hz": 45} | fields)
+    place = ReceiverInPlace(receiver, sky, ORIGIN, pose_at=lambda time_s: np.eye(4), key=("test",))
+    return place.measure(0.0, velocity=np.zeros(3), number=0, step_s=0.1, stamp_s=0.0)
+
+
+def test_carriers_are_lost_where_a_reflection_has_seven_tenths_of_the_amplitude() -> None:
+    for ratio in np.random.default_rng(3).uniform(0.3, 0.99, 12):
+        fix = receive(EchoingSky(float(ratio)), corrections="rtk", heading_baseline_m=1.0)
+        assert fix is not None and fix.quality is not None
+        assert (fix.heading_rad is None) == (ratio >= 0.7)
+        assert (fix.quality.solution is GnssSolution.SINGLE) == (ratio >= 0.7)
+    for ratio, kept in ((0.695, True), (0.705, False)):
+        fix = receive(EchoingSky(ratio), heading_baseline_m=1.0)
+        assert fix is not None
+        assert (fix.heading_rad is not None) == kept
+
+
+def test_a_reflection_is_tracked_where_it_is_the_stronger_signal() -> None:
+    """Its path is beyond the reach of a correlator that tracks the straight one."""
+    for amplitude, is_off in ((0.98, False), (1.02, True)):
+        sky = EchoingSky(amplitude, excess_m=600.0, everywhere=False)
+        fix = receive(sky, signal_error_m=0, atmosphere_m=0)
+        assert fix is not None
+        place = Geodetic(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
+        assert (np.linalg.norm(enu_from_geodetic(place, ORIGIN)) > 50) == is_off
+
+
+def test_reflections_alone_are_tracked_down_to_the_limit_of_the_receiver() -> None:
+    for limit_db_hz in np.random.default_rng(4).uniform(22, 40, 4):
+        weakest = 10 ** ((limit_db_hz - 45) / 20)
+        for amplitude, is_tracked in ((weakest * 0.98, False), (weakest * 1.02, True)):
+            sky = EchoingSky(float(amplitude), blocked=True)
+            fields = {"tracking_db_hz": limit_db_hz, "carrier_db_hz": limit_db_hz}
+            assert (receive(sky, **fields) is not None) == is_tracked
+
+
+def test_walls_reflect_from_satellites_more_than_a_degree_before_their_plane() -> None:
+    wall = build_box((2000, 10, 1200), (0, -7, 0))
+    sky, antenna = build_sky(wall), np.array([0.0, 0.0, 1.5])
+    for cosine, reflects in ((0.018, False), (0.022, True), (0.1, True)):
+        level = math.sqrt(1 - cosine**2 - 0.3**2)
+        found = sky.find_reflections(antenna, np.array([[level, cosine, 0.3]]), cross_polar_db=10)
+        assert (found.amplitude[0] > 0) == reflects

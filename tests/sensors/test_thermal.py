@@ -13,9 +13,9 @@ from advercity.frames import Frame
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.physics.infrared import STEFAN_BOLTZMANN
+from advercity.physics.infrared import STEFAN_BOLTZMANN, band_radiance, brightness_temperature
 from advercity.randomness import create_generator
-from advercity.rendering.raycaster import Raycaster
+from advercity.rendering.raycaster import MATERIAL_NAMES, Raycaster
 from advercity.semantics import Semantic
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.measurements import KELVIN_PER_COUNT
@@ -26,7 +26,7 @@ from advercity.sensors.thermal import (
     derive_thermal_conditions,
     take_thermal_image,
 )
-from advercity.sensors.thermal.surface_heat import find_warmth
+from advercity.sensors.thermal.surface_heat import compute_temperatures, find_warmth
 from advercity.testing import CAR, build_box, build_flat_world, make_actor_state, make_frame
 from advercity.world import World
 
@@ -104,6 +104,30 @@ def test_panes_mirror_the_cold_sky_and_a_wet_road_has_no_contrast() -> None:
     grass = build_box((400.0, 2.0, 0.2), (0.0, -2.0, -0.09), material="grass")
     dry, wet = (look(DAY | {"surface": {"wetness": wetness}}, grass)[0][-1] for wetness in (0, 1))
     assert np.ptp(wet) < 0.3 * np.ptp(dry)
+
+
+def test_panes_mirror_by_schlick_whatever_the_angle() -> None:
+    """Schlick 1994: F + (1 - F) (1 - cos)^5, with F of glass that faces the camera."""
+    pane = build_box((60.0, 8.0, 0.02), (31.0, 0.0, 0.0), material="glass")
+    celsius, view = look(NIGHT, pane)
+    conditions = derive(NIGHT)
+    is_pane = (view.hits.material == MATERIAL_NAMES.index("glass")) & (
+        view.hits.normal[:, 2] > 0.99
+    )
+    kelvin, emissivity = compute_temperatures(
+        view.hits, conditions, view.sun_fraction, view.sky_fraction
+    )
+    facing = 1.0 - emissivity[is_pane]
+    down = -view.directions[view.seen][is_pane][:, 2].astype(float)
+    mirrored = facing + (1.0 - facing) * (1.0 - down) ** 5
+    sky = conditions.air.sky_radiance(down)
+    expected = (1 - mirrored) * band_radiance(kelvin[is_pane]) + mirrored * sky
+    found = celsius.ravel()[view.seen][is_pane]
+    near = view.hits.range_m[is_pane] < 12
+    assert np.ptp(down[near]) > 0.1
+    np.testing.assert_allclose(
+        found[near], brightness_temperature(expected)[near] - 273.15, atol=0.4
+    )
 
 
 def see_person(x_m: float, **weather: Any) -> float:
