@@ -1,7 +1,8 @@
 """Damages every kind of input at random: each is read or refused with a message, no file is lost.
 
     python benchmarks/fuzz.py [--declarations N] [--specs N] [--datasets N] [--traces N]
-        [--caches N] [--recordings N] [--predictions N] [--exports N] [--seed 1] [--folder DIR]
+        [--caches N] [--recordings N] [--maps N] [--predictions N] [--exports N] [--seed 1]
+        [--folder DIR]
 
 Everything runs in this process: a crash ends it; a traceback, a lost file, or a case of more than
 10 s of processor time is printed with its number, and counts as failed. The folder is for the
@@ -32,7 +33,7 @@ from fuzz_files import (
     Tree,
     read_tree,
 )
-from fuzz_inputs import ExportFuzzer, PredictionFuzzer, RecordingFuzzer
+from fuzz_inputs import ExportFuzzer, MapFuzzer, PredictionFuzzer, RecordingFuzzer
 
 from advercity.compiler import with_digest
 from advercity.dataset.formats import FORMATS
@@ -59,6 +60,7 @@ DEFAULT_COUNTS = {
     "traces": 1000,
     "caches": 1000,
     "recordings": 1000,
+    "maps": 1000,
     "predictions": 500,
     "exports": 1000,
 }
@@ -95,7 +97,7 @@ def main() -> int:
 
 def _make_checks(folder: Path) -> dict[str, Check]:
     """Make what damages each kind; each works in a folder of its own."""
-    for name in ("datasets", "traces", "caches", "entries", "recordings", "predictions", "exports"):
+    for name in ("entries", *list(DEFAULT_COUNTS)[2:]):
         (folder / name).mkdir()
     prepared = _prepare_recording()
     trace = prepared[0].traffic.trace.cut(TRACE_TICKS)
@@ -110,6 +112,7 @@ def _make_checks(folder: Path) -> dict[str, Check]:
             _collect_entries(prepared[0], folder / "entries"), folder / "caches"
         ).check,
         "recordings": RecordingFuzzer(folder / "recordings").check,
+        "maps": MapFuzzer(folder / "maps").check,
         "predictions": PredictionFuzzer(dataset, folder / "predictions").check,
         "exports": ExportFuzzer(dataset, folder / "exports", FUZZED_EXPORTS).check,
     }

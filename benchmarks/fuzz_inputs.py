@@ -7,8 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from advercity_dsl import MapFile, Road
+from advercity_dsl.road import MapSource
 from fuzz_files import damage_file, read_tree, run_command, write_tree
-from mutations import choose, time_limit
+from mutations import choose, damage_attributes, time_limit
 
 from advercity.benchmark.predictions import (
     FramePredictions,
@@ -21,13 +23,22 @@ from advercity.dataset.reader import Dataset
 from advercity.errors import AdvercityError
 from advercity.exports.export_folder import verify_export
 from advercity.exports.exporting import export_dataset
+from advercity.foreign.ledger import Ledger
 from advercity.randomness import create_generator
+from advercity.recordings.sumo_scenario import read_sumo_scenario
+from advercity.roads.map_import import import_map
 from tests.recordings.recorded_files import (
     write_ind,
     write_interaction,
     write_openscenario,
     write_street,
 )
+from tests.roads.imported_roads import declaration
+from tests.roads.lanelet2_maps import LaneletMap
+from tests.roads.sumo_networks import build_crossing_network
+from tests.traffic.sumo_scenario_files import write_sumo_scenario
+
+MAPS = Path(__file__).parents[1] / "tests" / "data" / "maps"
 
 COMMAND_RATE = 0.02
 """Fraction of recordings that go through the whole command, which compiles for seconds."""
@@ -86,6 +97,78 @@ class RecordingFuzzer:
             *("import", command, path, "--map", self._folder / "hill.xodr", "--ego", ego),
             *("--looks", "shaped", "--output", self._folder / "out"),
         )
+
+
+class MapFuzzer:
+    """Damages maps of every format and scenarios of SUMO, and imports them.
+
+    Args:
+        folder: An empty folder to work in.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._outside = folder / "maps", folder / "outside.txt"
+        self._outside.write_text("of others")
+        self._folder.mkdir()
+        write_sumo_scenario(folder / "scenario")
+        self._maps: list[tuple[MapSource, str, str]] = [
+            ("opendrive", "bend.xodr", (MAPS / "bend.xodr").read_text()),
+            ("opendrive", "junction.xodr", (MAPS / "junction.xodr").read_text()),
+            ("osm", "crossroads.osm", (MAPS / "crossroads.osm").read_text()),
+            ("sumo", "town.net.xml", build_crossing_network()),
+            ("lanelet2", "lanes.osm", _write_lanelets()),
+        ]
+        self._scenario = read_tree(folder / "scenario")
+
+    def check(self, number: int, seed: int) -> tuple[str, str]:
+        """Damage a file; return its kind, and `read` or `refused`; anything else is raised."""
+        rng = create_generator(seed, "map", number)
+        outcome = "read"
+        if rng.random() < 0.2:
+            kind, load = "sumo scenario", self._damage_scenario(rng)
+        else:
+            kind, load = self._damage_map(rng)
+        with time_limit():
+            try:
+                load()
+            except AdvercityError as error:
+                assert str(error).strip(), "empty message"
+                outcome = "refused"
+        assert self._outside.read_text() == "of others", "written through a link"
+        return f"map: {kind}", outcome
+
+    def _damage_map(self, rng: np.random.Generator) -> tuple[str, Callable[[], object]]:
+        source, name, text = choose(self._maps, rng)
+        write_tree(self._folder, {name: text.encode()})
+        self._damage(self._folder / name, rng)
+        declared = MapFile(source=source, file=name)
+        road = Road.model_validate(
+            declaration(source, name, origin_lat_deg=48.1, origin_lon_deg=11.5)
+        )
+        return source, lambda: import_map(declared, road, self._folder)
+
+    def _damage_scenario(self, rng: np.random.Generator) -> Callable[[], object]:
+        write_tree(self._folder, self._scenario)
+        self._damage(self._folder / choose(sorted(self._scenario), rng), rng)
+        return lambda: read_sumo_scenario(self._folder / "town.sumocfg", Ledger())
+
+    def _damage(self, path: Path, rng: np.random.Generator) -> None:
+        if path.suffix == ".gz" or rng.random() < 0.3:
+            damage_file(path, self._outside, rng)
+        else:
+            path.write_text(damage_attributes(path.read_text(), rng))
+
+
+def _write_lanelets() -> str:
+    """Write a street of two lanes that another one leaves, with a speed limit."""
+    lanelets = LaneletMap()
+    limit = lanelets.rule("speed_limit", sign_type="30 km/h")
+    middle, left, right = (lanelets.way([(0.0, y, 0.0), (50.0, y, 0.5)]) for y in (0.0, 3.5, -3.5))
+    lanelets.lanelet(middle, right, [limit], location="urban", one_way="yes")
+    lanelets.lanelet(middle, left, [limit], location="urban", one_way="yes")
+    ends = ([(50.0, y, 0.5), (80.0, y + 20.0, 1.0)] for y in (0.0, -3.5))
+    lanelets.lane(*ends, location="urban", participant="vehicle")
+    return lanelets.write()
 
 
 def _write_own_table(folder: Path) -> Path:

@@ -1,6 +1,7 @@
 """Damages of files, drawn at random: of text, of any bytes, of arrays; and the limit of time."""
 
 import io
+import re
 import signal
 import zipfile
 from collections.abc import Generator, Sequence
@@ -75,6 +76,42 @@ def _apply_damage(text: str, rng: np.random.Generator) -> str:
             key, colon, _ = lines[at].partition(":")
             lines[at] = f"{key}{colon} {choose(ODD_VALUES, rng)}"
     return "\n".join(lines)
+
+
+ODD_ATTRIBUTES = (
+    *(
+        "",
+        "nan",
+        "inf",
+        "-1",
+        "0",
+        "1",
+        "1e308",
+        "-1e-320",
+        "9" * 400,
+        "٣",
+        "²",
+        "1_0",
+        " 5 ",
+        "0x1",
+    ),
+    *("true", "a b", "-1 2", "../../etc/passwd", "%s", "&#x202e;", "1,2 3,4", "none", ":", "#"),
+)
+
+
+def damage_attributes(text: str, rng: np.random.Generator) -> str:
+    """Return XML with odd values of one to four attributes, or with an element more or less."""
+    for _ in range(int(rng.integers(1, 5))):
+        pattern = r"<\w[^<>]*/>" if rng.random() < 0.2 else r'(?<==")[^"<>]*(?=")'
+        found = [one.span() for one in re.finditer(pattern, text)]
+        if not found:
+            continue
+        (begin, end), (first, last) = choose(found, rng), choose(found, rng)
+        other = text[first:last] if rng.random() < 0.3 else ""
+        if pattern[0] != "<":
+            other = other or choose(ODD_ATTRIBUTES, rng)
+        text = text[:begin] + other + text[end:]
+    return text
 
 
 def choose(choices: Sequence[T], rng: np.random.Generator) -> T:

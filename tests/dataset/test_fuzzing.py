@@ -14,7 +14,7 @@ from advercity.randomness import create_generator
 from advercity.scene.world_storage import save_world
 from advercity.world import World
 from benchmarks.fuzz_files import CacheFuzzer, DatasetFuzzer, Recording, TraceFuzzer
-from benchmarks.fuzz_inputs import ExportFuzzer, PredictionFuzzer, RecordingFuzzer
+from benchmarks.fuzz_inputs import ExportFuzzer, MapFuzzer, PredictionFuzzer, RecordingFuzzer
 from benchmarks.mutations import damage_bytes
 from tests.builders import SensorFramesOf, identify, write_scenario
 
@@ -98,6 +98,12 @@ def test_damaged_recordings_are_read_or_refused(tmp_path: Path) -> None:
     fuzzer = RecordingFuzzer(tmp_path)
     outcomes = [fuzzer.check(number, SEED) for number in range(30)]
     assert {outcome for kind, outcome in outcomes if "command" not in kind} == {"read", "refused"}
+
+
+@pytest.mark.sumo
+def test_damaged_maps_are_read_or_refused(tmp_path: Path) -> None:
+    fuzzer = MapFuzzer(tmp_path)
+    assert {fuzzer.check(number, SEED)[1] for number in range(40)} == {"read", "refused"}
 
 
 def test_damaged_predictions_are_read_or_refused(two_roads: Path, tmp_path: Path) -> None:

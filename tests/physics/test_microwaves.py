@@ -75,6 +75,14 @@ def test_dry_snow_is_nearly_nothing_and_wet_snow_is_more() -> None:
     assert dry.backscatter_per_m < wet.backscatter_per_m < rain.backscatter_per_m
 
 
+@pytest.mark.parametrize(("temperature_c", "high"), [(26.85, 3.52), (0.0, 2.7805), (40.0, 3.8358)])
+def test_water_far_above_its_relaxations_has_the_permittivity_of_liebe(
+    temperature_c: float, high: float
+) -> None:
+    """3.52 - 7.52 (300 K / T - 1): Liebe, Hufford and Manabe, Int. J. Infrared 12, 659, 1991."""
+    assert water_permittivity(temperature_c, 1e8).real == pytest.approx(high, abs=2e-3)
+
+
 def test_small_spheres_scatter_by_rayleigh_and_large_ones_shadow_twice_their_area() -> None:
     index = np.sqrt(water_permittivity())
     contrast = (index**2 - 1) / (index**2 + 2)

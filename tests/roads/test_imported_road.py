@@ -196,3 +196,16 @@ def test_the_junctions_of_a_map_are_listed_with_their_arms(crossroads: Spec) -> 
     assert "grosse_strasse_1" in facts["streets"]
     assert facts["junction j1"].startswith("signals: ")
     assert "road_12_2 (east)" in facts["junction j1"]
+
+
+def test_a_two_way_street_has_a_yellow_line_between_and_white_ones_at_its_edges(
+    bend: Spec, tmp_path: Path
+) -> None:
+    """The lanes of the straight part lie from -3.5 to 3.5 m; lines at edges are 0.1 m inside."""
+    found: dict[str, set[float]] = {}
+    for mesh in road_meshes(bend, tmp_path):
+        middle = mesh.vertices[mesh.triangles].mean(axis=1)
+        straight = middle[(middle[:, 0] > 20) & (middle[:, 0] < 80)]
+        found[mesh.material] = set(np.round(straight[:, 1].astype(float), 1).tolist())
+    assert found["paint_white"] == {-3.4, 3.4}
+    assert found["paint_yellow"] == {0.0}

@@ -115,6 +115,19 @@ def test_grass_of_a_median_hangs_over_its_kerbs_at_most():
     assert 0.12 < corners[:, 2].min() < 0.14 < 0.2 < corners[:, 2].max() < 0.3
 
 
+@pytest.mark.parametrize(("low", "high"), [((-40, -1.5), (40, 1.5)), ((20, -40), (23, 40))])
+def test_grass_covers_a_median_whichever_way_it_runs(
+    low: tuple[float, float], high: tuple[float, float]
+):
+    (grass,) = build_street_plants(
+        [flat("median", "grass", low, high)], shapely.Point(0, 0), "test"
+    )
+    assert len(grass.surface.triangles) == pytest.approx(80 * 2.72 * 26 * 7, rel=0.05)
+    corners = grass.surface.vertices[:, :2]
+    assert (corners > np.array(low) - 0.15).all()
+    assert (corners < np.array(high) + 0.15).all()
+
+
 def test_weeds_grow_from_the_joint_behind_a_kerb():
     kerb = flat("kerb", "kerb", (-40, 5.0), (40, 5.15))
     (weeds,) = build_street_plants([kerb], shapely.box(-40, 0, 40, 5.0), "test")
