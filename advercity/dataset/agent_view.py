@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -25,7 +25,7 @@ from advercity.dataset.carla_frame import (
     mirror_points,
 )
 from advercity.dataset.cloud_files import read_pcd
-from advercity.dataset.formats import DatasetFormat, has_motion_file
+from advercity.dataset.formats import DatasetFormat
 from advercity.dataset.image_codec import (
     from_flow_colours,
     from_instance_colours,
@@ -33,7 +33,8 @@ from advercity.dataset.image_codec import (
     from_semantic_colours,
 )
 from advercity.dataset.motion_files import parse_can, parse_gnss, parse_imu
-from advercity.dataset.radar_files import RADAR_POINT, load_cube
+from advercity.dataset.radar_codec import RADAR_POINT, load_cube
+from advercity.dataset.sensor_files import SensorFiles, load_all_files
 from advercity.documents import MAX_JSON_BYTES, MAX_YAML_BYTES, parse_json, parse_yaml, read_bytes
 from advercity.errors import InputError, RunError, describe_cause
 from advercity.geometry import poses
@@ -131,6 +132,32 @@ class AgentView:
     def is_roadside_unit(self) -> bool:
         """Whether the agent is a roadside unit, else a vehicle."""
         return self.agent.place.kind == "roadside_unit"
+
+    def count(self, kind: str) -> int:
+        """Count the sensors of a kind, such as `radar`, that the agent carries."""
+        return len(self.agent.sensors.list_sensors(kind))
+
+    def read(self, kind: str, number: int = 0) -> Any:
+        """Read what a sensor of a kind measured, as a run had it before it was written.
+
+        InputError if the agent has no such sensor; None of a receiver, unit or bus without a
+        report.
+        """
+        return self._find_files(kind, number).read(self, number)
+
+    def load_pose(self, kind: str, number: int = 0) -> Matrix:
+        """Load the pose (4, 4) of a sensor of a kind; InputError if it has none."""
+        locate = self._find_files(kind, number).locate
+        if locate is None:
+            raise InputError(f"sensors of kind '{kind}' have no pose of their own")
+        return locate(self, number)
+
+    def _find_files(self, kind: str, number: int) -> SensorFiles:
+        kinds = load_all_files()
+        if kind not in kinds:
+            raise InputError(f"there is no kind of sensor '{kind}'; there are {', '.join(kinds)}")
+        _check_number(kind, number, self.count(kind), self.id)
+        return kinds[kind]
 
     @property
     def cameras(self) -> int:
@@ -326,7 +353,7 @@ class AgentView:
     def _read_thermal(self, kind: str, camera: int, mode: int) -> NDArray[np.uint8]:
         _check_number("thermal camera", camera, self.thermals, self.id)
         suffix = f"_{kind}{camera}.png"
-        if suffix not in self._format.list_thermal_suffixes(camera):
+        if suffix not in self._format.list_suffixes(self.agent):
             raise InputError(
                 f"{self.path(suffix)}: the layout {self._format.name} has no such image"
             )
@@ -389,7 +416,7 @@ class AgentView:
             return parse_yaml(raw, path, hint=self.hint) or {}
 
     def _has_motion_file(self) -> bool:
-        return has_motion_file(self.agent)
+        return self._format.motion_suffix in self._format.list_suffixes(self.agent)
 
     @property
     def messages_suffix(self) -> str:
@@ -482,21 +509,15 @@ class AgentView:
             found: dict[str, Any] = self.description.get("stamps", {})
             return {name: float(time_s) for name, time_s in found.items()}
 
-    def find_carrier_pose(self, kind: Literal["camera", "lidar", "radar"], number: int) -> Matrix:
+    def find_carrier_pose(self, kind: str, number: int) -> Matrix:
         """Find the pose (4, 4) of the agent when one of its sensors measured.
 
         It is `world_from_agent` unless the sensor has a rate of its own.
         """
         if f"{kind}{number}" not in self.stamps or self.is_roadside_unit:
             return self.world_from_agent
-        sensors = self.agent.sensors
-        if kind == "camera":
-            pose, mount = self.world_from_camera(number), sensors.cameras[number].mount
-        elif kind == "lidar":
-            pose, mount = self.load_lidar_pose(number), sensors.lidars[number].mount
-        else:
-            pose, mount = self.load_radar_pose(number), sensors.radars[number].mount
-        return pose @ poses.invert_pose(carrier_from_sensor(mount))
+        mount = self.agent.sensors.list_sensors(kind)[number].mount
+        return self.load_pose(kind, number) @ poses.invert_pose(carrier_from_sensor(mount))
 
     @property
     def speed_m_s(self) -> float:

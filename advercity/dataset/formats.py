@@ -6,8 +6,8 @@ The encoders are in `opv2v`, so that reading a dataset loads nothing of what mak
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.dataset.cloud_files import read_pcd, read_ply
+from advercity.dataset.sensor_files import load_all_files
 from advercity.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,10 +31,7 @@ class DatasetFormat:
         format_folder: Returns the name of an agent's folder.
         cloud_suffix: End of the names of the first LiDAR's point clouds.
         read_cloud: Reads one as a table with `x`, `y`, `z` and `intensity`, left-handed.
-        image_kinds: Kinds of images of every camera.
-        thermal_kinds: Kinds of images of every thermal camera.
-        more_images: Kinds of images by what the rig of a camera asks for.
-        motion_suffix: End of the names of files with GNSS and IMU.
+        motion_suffix: End of the names of documents of receivers, inertial units and buses.
         extra_suffixes: Ends of the names of what the original does not have.
     """
 
@@ -41,11 +39,8 @@ class DatasetFormat:
     format_folder: Callable[[Agent], str]
     cloud_suffix: str
     read_cloud: Callable[[Path], NDArray[np.void]]
-    image_kinds: tuple[str, ...]
     motion_suffix: str
     extra_suffixes: tuple[str, ...] = ()
-    thermal_kinds: tuple[str, ...] = ("thermal",)
-    more_images: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
 
     def format_cloud_suffix(self, lidar: int) -> str:
         """Return the end of the names of a LiDAR's clouds: `.pcd`, then `_lidar1.pcd`."""
@@ -56,10 +51,6 @@ class DatasetFormat:
     def format_radar_suffix(radar: int) -> str:
         """Return the end of the names of a radar's detections."""
         return f"_radar{radar}.pcd"
-
-    def list_thermal_suffixes(self, camera: int) -> tuple[str, ...]:
-        """List the ends of the names of a thermal camera's image and its labels."""
-        return tuple(f"_{kind}{camera}.png" for kind in self.thermal_kinds)
 
     @property
     def messages_suffix(self) -> str:
@@ -73,31 +64,14 @@ class DatasetFormat:
 
     def list_suffixes(self, agent: Agent, *, has_channel: bool = False) -> frozenset[str]:
         """List the ends of the names of an agent's files of a frame, behind the frame's name."""
-        sensors = agent.sensors
-        cameras = range(len(sensors.cameras))
-        images = {f"_{kind}{index}.png" for kind in self.image_kinds for index in cameras}
-        images |= {
-            f"_{kind}{index}.png"
-            for index, mounted in enumerate(sensors.cameras)
-            for asked in mounted.model.more_images
-            for kind in self.more_images.get(asked, ())
-        }
-        clouds = map(self.format_cloud_suffix, range(len(sensors.lidars)))
-        radars = set(map(self.format_radar_suffix, range(len(sensors.radars))))
-        if sensors.radar is not None and sensors.radar.output == "cube":
-            radars |= set(map(self.format_cube_suffix, range(len(sensors.radars))))
-        thermals = map(self.list_thermal_suffixes, range(len(sensors.thermals)))
-        images.update(*thermals)
-        motion = (self.motion_suffix,) if has_motion_file(agent) else ()
         sent = (self.messages_suffix,) if has_channel else ()
-        return frozenset((".yaml", *clouds, *radars, *images, *motion, *sent, *self.extra_suffixes))
-
-
-def has_motion_file(agent: Agent) -> bool:
-    """Return whether an agent has a file of what GNSS and IMU report, in every frame."""
-    sensors = agent.sensors
-    reports = sensors.imu is not None or sensors.gnss.mode == "satellites"
-    return reports or agent.place.kind == "vehicle"
+        measured = (
+            suffix
+            for kind, files in load_all_files().items()
+            for number in range(len(agent.sensors.list_sensors(kind)))
+            for suffix in files.list_suffixes(agent, number, self)
+        )
+        return frozenset((".yaml", *measured, *sent, *self.extra_suffixes))
 
 
 def format_opv2v_folder(agent: Agent) -> str:
@@ -121,24 +95,14 @@ OPV2V = DatasetFormat(
     format_opv2v_folder,
     ".pcd",
     read_pcd,
-    image_kinds=("camera", "semantic", "depth", "depth_cm"),
     motion_suffix="_additional_gnss_imu.yaml",
     extra_suffixes=("_objects.json", *(f"_bev_{kind}.png" for kind in MAP_KINDS)),
-    thermal_kinds=("thermal", "thermal_semantic", "thermal_instance"),
-    more_images={
-        "instance": ("instance",),
-        "normal": ("normal",),
-        "flow": ("flow", "occlusion"),
-        "hdr": ("hdr",),
-        "raw": ("raw",),
-    },
 )
 ADVER_CITY = DatasetFormat(
     "adver_city",
     format_adver_city_folder,
     "_lidar.ply",
     read_ply,
-    image_kinds=("camera", "semantic"),
     motion_suffix="_gnss_imu.yaml",
 )
 FORMATS = {item.name: item for item in (OPV2V, ADVER_CITY)}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from advercity.dataset.carla_frame import carla_pose_from_matrix, mirror_angle, mirror_points
-from advercity.dataset.frame_documents import to_plain
+from advercity.dataset.plain_documents import to_plain
 from advercity.frames import Frame
 from advercity.sensors.messages import (
     Delivery,

@@ -18,7 +18,6 @@ from advercity.atomic_files import move_file, sync_files, write_file
 from advercity.dataset.adver_city_names import build_protocol
 from advercity.dataset.attribution import format_attribution
 from advercity.dataset.formats import ADVER_CITY, FrameFileNames, format_frame_name
-from advercity.dataset.frame_documents import format_yaml
 from advercity.dataset.manifest import Identity, Manifest
 from advercity.dataset.opv2v import select_encoder
 from advercity.dataset.partial_files import (
@@ -39,6 +38,7 @@ from advercity.dataset.partial_files import (
     set_aside,
     share_lock,
 )
+from advercity.dataset.plain_documents import format_yaml
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
     PROTOCOL_FILE,

@@ -9,7 +9,7 @@ writes the same of a dataset in its layout, whose third folder it takes for the 
 from typing import Any
 
 from advercity.dataset.adver_city_names import describe_as_original
-from advercity.dataset.frame_documents import format_yaml
+from advercity.dataset.plain_documents import format_yaml
 from advercity.dataset.reader import Dataset, FrameView, Scenario
 from advercity.exports.pieces import Piece, PieceFiles, split_by_scenario
 from advercity.exports.registry import Options

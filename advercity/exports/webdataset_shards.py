@@ -87,7 +87,7 @@ def _write_shard(scenario: Scenario, positions: range, path: str, files: PieceFi
 def _encode_members(frame: FrameView, view: AgentView) -> Iterator[tuple[str, bytes]]:
     for camera in range(view.cameras):
         for kind, member in IMAGE_MEMBERS.items():
-            if kind in frame.scenario.format.image_kinds:
+            if view.has_truth(kind, camera):
                 yield f"{member}{camera}.png", _read(view.path(f"_{kind}{camera}.png"))
         if view.has_truth("instance", camera):
             path = view.path(f"_instance{camera}.png")

@@ -1,40 +1,30 @@
 """Replays a dataset in Rerun: rebuilds sensor frames from files, spec and trace."""
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from advercity_dsl import Spec
-from numpy.typing import NDArray
+from advercity_dsl.sensor_kinds import load_sensor_kinds
 
 from advercity.conflicts.events import find_conflict_events
-from advercity.dataset.agent_view import AgentView, extract_measured
+from advercity.dataset.agent_view import AgentView
 from advercity.dataset.boxes import Boxes
-from advercity.dataset.image_codec import MAX_DEPTH_CM
-from advercity.dataset.radar_files import parse_detections
 from advercity.dataset.reader import Scenario
 from advercity.dataset.scenario_folders import no_frames_error
 from advercity.documents import suggest_path
 from advercity.errors import InputError, RunError
 from advercity.frames import ActorState, Frame, Trace
 from advercity.geometry.boxes import Box
-from advercity.geometry.poses import Matrix, invert_pose
+from advercity.geometry.poses import invert_pose
 from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.options import ViewerTarget
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.roads.road_network import build_road
-from advercity.sensors.measurements import GnssFix, PointCloud
-from advercity.sensors.radar import PlacedRadar
-from advercity.sensors.sensor_frame import (
-    CameraImage,
-    LidarScan,
-    RadarScan,
-    SensorFrame,
-    ThermalImage,
-)
+from advercity.sensors.measurements import GnssFix
+from advercity.sensors.sensor_frame import SensorFrame
 from advercity.viewer.cloud_colours import CloudColour
 
 if TYPE_CHECKING:
@@ -52,22 +42,22 @@ def load_sensor_frames(
         poses.build_sensor_frame(
             agent,
             frame,
-            readings={
-                "camera": tuple(
-                    _load_images(stored[agent.id], poses.world_from_cameras(agent, frame))
-                ),
-                "lidar": tuple(
-                    _load_scans(stored[agent.id], poses.world_from_lidars(agent, frame))
-                ),
-                "radar": tuple(_load_radars(stored[agent.id], poses.place_radars(agent, frame))),
-                "thermal": tuple(
-                    _load_thermals(stored[agent.id], poses.world_from_thermals(agent, frame))
-                ),
-            },
+            readings=_read_all(stored[agent.id]),
             fix=_load_fix(stored[agent.id]),
         )
         for agent in scenario.spec.agents
     )
+
+
+def _read_all(stored: AgentView) -> dict[str, tuple[Any, ...]]:
+    """Read the measurements of all sensors that have a place, by the names of their kinds."""
+    return {
+        kind.name: tuple(
+            stored.read(kind.name, number) for number in range(stored.count(kind.name))
+        )
+        for kind in load_sensor_kinds().found.values()
+        if kind.has_place
+    }
 
 
 def _load_fix(stored: AgentView) -> GnssFix | None:
@@ -93,93 +83,6 @@ def _with_annotated_boxes(frame: Frame, annotated: Iterable[Boxes]) -> Frame:
         return replace(state, pose_box=Box(tuple(size), tuple(body_from_box[:3, 3])))
 
     return replace(frame, states=tuple(map(fit_state, frame.states)))
-
-
-def _load_images(stored: AgentView, world_from_cameras: Sequence[Matrix]) -> Iterator[CameraImage]:
-    """Load images and classes; depths and boxes are not shown, and not in every layout."""
-    stamps = stored.stamps
-    for camera, world_from_camera in enumerate(world_from_cameras):
-        semantic, time_s = stored.semantic(camera), stamps.get(f"camera{camera}")
-        yield CameraImage(
-            world_from_camera=(
-                world_from_camera if time_s is None else stored.world_from_camera(camera)
-            ),
-            image=stored.image(camera),
-            semantic=semantic,
-            depth_cm=np.full(semantic.shape, MAX_DEPTH_CM, np.uint16),
-            projected_boxes={},
-            time_s=time_s,
-        )
-
-
-def _load_lidar_hits(stored: AgentView) -> dict[int, int]:
-    boxes = stored.boxes
-    return dict(zip(boxes.ids.tolist(), boxes.lidar_hits.tolist(), strict=True))
-
-
-def _load_scans(stored: AgentView, world_from_lidars: Sequence[Matrix]) -> Iterator[LidarScan]:
-    """Load point clouds; the first has the hits of all LiDARs, which are stored as sums."""
-    stamps = stored.stamps
-    for lidar, world_from_lidar in enumerate(world_from_lidars):
-        hits = {} if lidar else _load_lidar_hits(stored)
-        time_s = stamps.get(f"lidar{lidar}")
-        pose = world_from_lidar if time_s is None else stored.load_lidar_pose(lidar)
-        yield LidarScan(pose, _load_point_cloud(stored, lidar), hits, time_s)
-
-
-def _load_point_cloud(stored: AgentView, lidar: int) -> PointCloud:
-    """Load the point cloud of a LiDAR; columns that the layout does not have are zero."""
-    table = stored.load_cloud(lidar)
-    points = np.column_stack([table["x"], table["y"], table["z"]])
-    kept = table.dtype.names or ()
-    nothing = np.zeros(len(table))
-    raw, time_s = extract_measured(table)
-
-    def column(name: str, kind: type[np.generic]) -> NDArray[Any]:
-        return (table[name] if name in kept else nothing).astype(kind)
-
-    return PointCloud(
-        points=points,
-        raw=raw,
-        intensity=table["intensity"],
-        ring=column("ring", np.uint16),
-        time_s=time_s,
-        range_m=np.linalg.norm(raw, axis=1),
-        semantic=column("tag", np.uint8),
-        instance=column("object_id", np.int32),
-        kind=column("kind", np.uint8),
-    )
-
-
-def _load_radars(stored: AgentView, radars: Sequence[PlacedRadar]) -> Iterator[RadarScan]:
-    """Load the detections of radars, and their cubes if they report them."""
-    stamps = stored.stamps
-    for number, placed in enumerate(radars):
-        has_cube = placed.radar.output == "cube"
-        time_s = stamps.get(f"radar{number}")
-        yield RadarScan(
-            placed.world_from_radar if time_s is None else stored.load_radar_pose(number),
-            parse_detections(stored.load_radar(number)),
-            stored.load_radar_cube(number) if has_cube else None,
-            time_s,
-        )
-
-
-def _load_thermals(
-    stored: AgentView, world_from_cameras: Sequence[Matrix]
-) -> Iterator[ThermalImage]:
-    """Load thermal images; labels and boxes are not shown, and not in every layout."""
-    stamps = stored.stamps
-    for camera, world_from_camera in enumerate(world_from_cameras):
-        counts, time_s = stored.thermal_counts(camera), stamps.get(f"thermal{camera}")
-        yield ThermalImage(
-            world_from_camera if time_s is None else stored.load_thermal_pose(camera),
-            counts,
-            semantic=np.zeros(counts.shape, np.uint8),
-            instance=np.zeros(counts.shape, np.int32),
-            projected_boxes={},
-            time_s=time_s,
-        )
 
 
 def write_recording(

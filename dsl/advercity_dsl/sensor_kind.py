@@ -5,7 +5,9 @@ rigs ask for the record while all else of the language is still being loaded.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from functools import cache
+from importlib import import_module
+from typing import Any, Literal
 
 from advercity_dsl.sampling import Sampled
 
@@ -20,6 +22,8 @@ class SensorKind:
         model: Model of the key's value, with `mounts` or `mount` unless it is placed as `body`.
         placing: How sensors follow a roadside unit: `aimed` ones turn and tilt with it, `level`
             ones are level and face east, `body` ones have no place and time of their own.
+        files: Names, as `module:attribute`, the `SensorFiles` of `advercity.dataset.sensor_files`
+            that keep its measurements; it is loaded when it is used.
         not_on_units: Why no roadside unit has one; empty if it may.
     """
 
@@ -27,9 +31,17 @@ class SensorKind:
     title: str
     model: type[Sampled]
     placing: Literal["aimed", "level", "body"]
+    files: str
     not_on_units: str = ""
 
     @property
     def has_place(self) -> bool:
         """Whether each of its sensors has a mount, and measures at most once a frame."""
         return self.placing != "body"
+
+
+@cache
+def load_named(reference: str) -> Any:
+    """Load what `module:attribute` names."""
+    module, _, attribute = reference.partition(":")
+    return getattr(import_module(module), attribute)

@@ -6,7 +6,6 @@ group `advercity.sensors`.
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib import import_module
 from importlib.metadata import entry_points
 from itertools import groupby
 from operator import itemgetter
@@ -18,20 +17,30 @@ from advercity_dsl.inertial import Imu
 from advercity_dsl.lidar import Lidar
 from advercity_dsl.positioning import Gnss
 from advercity_dsl.radar import Radar
-from advercity_dsl.sensor_kind import SensorKind
+from advercity_dsl.sensor_kind import SensorKind, load_named
 from advercity_dsl.thermal import ThermalCamera
 
 ENTRY_POINT_GROUP = "advercity.sensors"
+_DATASET = "advercity.dataset"
 CORE_KINDS = {
     kind.name: kind
     for kind in (
-        SensorKind("camera", "camera", Camera, "aimed"),
-        SensorKind("lidar", "LiDAR", Lidar, "level"),
-        SensorKind("radar", "radar", Radar, "aimed"),
-        SensorKind("thermal", "thermal camera", ThermalCamera, "aimed"),
-        SensorKind("gnss", "satellite receiver", Gnss, "body"),
-        SensorKind("imu", "inertial unit", Imu, "body"),
-        SensorKind("can", "bus", CanBus, "body", not_on_units="a roadside unit has no wheels"),
+        SensorKind("camera", "camera", Camera, "aimed", f"{_DATASET}.camera_files:FILES"),
+        SensorKind("lidar", "LiDAR", Lidar, "level", f"{_DATASET}.lidar_files:FILES"),
+        SensorKind("radar", "radar", Radar, "aimed", f"{_DATASET}.radar_files:FILES"),
+        SensorKind(
+            "thermal", "thermal camera", ThermalCamera, "aimed", f"{_DATASET}.thermal_files:FILES"
+        ),
+        SensorKind("gnss", "satellite receiver", Gnss, "body", f"{_DATASET}.motion_files:GNSS"),
+        SensorKind("imu", "inertial unit", Imu, "body", f"{_DATASET}.motion_files:IMU"),
+        SensorKind(
+            "can",
+            "bus",
+            CanBus,
+            "body",
+            f"{_DATASET}.motion_files:CAN",
+            not_on_units="a roadside unit has no wheels",
+        ),
     )
 }
 """The kinds of advercity by name."""
@@ -63,8 +72,7 @@ def _load_kind(name: str, values: Sequence[str]) -> SensorKind:
     """Load the one record that claims a name; ValueError if there is none of that name."""
     if name in CORE_KINDS or len(values) > 1:
         raise ValueError(f"the name is claimed by {', '.join(values)}; uninstall all but one")
-    module, _, attribute = values[0].partition(":")
-    kind = getattr(import_module(module), attribute)
+    kind = load_named(values[0])
     if not isinstance(kind, SensorKind) or kind.name != name:
         raise ValueError(f"{values[0]} is no SensorKind with the name '{name}'")
     return kind

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from advercity_dsl import Channel, Spec
 
-from advercity.dataset.frame_documents import format_json
 from advercity.dataset.message_documents import build_messages_document
+from advercity.dataset.plain_documents import format_json
 from advercity.dataset.reader import Scenario
 from advercity.dataset.received_messages import load_sent_messages
 from advercity.geometry.poses import pose_matrix

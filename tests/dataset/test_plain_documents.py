@@ -5,7 +5,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from advercity.dataset.frame_documents import format_yaml, to_plain
+from advercity.dataset.plain_documents import format_yaml, to_plain
 
 
 @given(st.floats(-1e6, 1e6), st.integers(0, 12))
