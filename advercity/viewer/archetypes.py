@@ -8,6 +8,7 @@ import rerun as rr
 from advercity_dsl import Road
 from numpy.typing import NDArray
 
+from advercity.dataset.image_codec import encode_jpeg, encode_label_png
 from advercity.frames import ActorState
 from advercity.geometry import poses
 from advercity.geometry.geodesy import find_world_origin, geodetic_from_enu
@@ -15,17 +16,13 @@ from advercity.geometry.poses import Matrix
 from advercity.roads.lane_segments import LaneSegment
 from advercity.semantics import ACTOR_COLOURS
 from advercity.sensors.camera_model import CameraModel
-from advercity.sensors.measurements import PointCloud, PointKind, RadarDetections
-from advercity.sensors.sensor_frame import SensorFrame
-from advercity.viewer.cloud_colours import CloudColour, colour_points
-from advercity.viewer.radar_pictures import colour_velocities
+from advercity.viewer.shown import Picture, Points
 
 RgbColour = tuple[int, int, int]
 IMAGE_PLANE_M = 1.5
 """Distance from a camera at which the scene shows its image."""
-DETECTION_PX = 3.0
-POINT_PX, ECHO_PX, FIX_PX, TRACK_PX, LANE_PX = 1.5, 0.5, 6.0, 2.0, 1.0
-"""Sizes on the screen; returns of fog, rain and spray are so small that the scene shows through."""
+FIX_PX, TRACK_PX, LANE_PX = 6.0, 2.0, 1.0
+"""Sizes on the screen."""
 CLASS_IDS = {name: index for index, name in enumerate(ACTOR_COLOURS, start=1)}
 LANE_COLOURS = {"driving": (190, 190, 190), "sidewalk": (140, 110, 140), "crossing": (220, 200, 90)}
 OTHER_LANE_COLOUR = (110, 110, 110)
@@ -47,16 +44,11 @@ def to_transform3d(parent_from_child: Matrix) -> rr.Transform3D:
     return rr.Transform3D(translation=parent_from_child[:3, 3], mat3x3=parent_from_child[:3, :3])
 
 
-def to_pinhole(sensor_frame: SensorFrame, camera: int) -> rr.Pinhole:
-    """Convert a camera's intrinsics; its axes are declared, so its pose stays in body axes.
+def build_pinhole(model: CameraModel) -> rr.Pinhole:
+    """Build the pinhole of a camera; its axes are declared, so its pose stays in body axes.
 
     Rerun has no lenses: its image plane is as for a pinhole of the same focal length.
     """
-    return build_pinhole(sensor_frame.build_camera_model(camera))
-
-
-def build_pinhole(model: CameraModel) -> rr.Pinhole:
-    """Build the pinhole of a camera in body axes."""
     return rr.Pinhole(
         image_from_camera=model.matrix,
         resolution=(model.width_px, model.height_px),
@@ -65,17 +57,18 @@ def build_pinhole(model: CameraModel) -> rr.Pinhole:
     )
 
 
-def to_points3d(cloud: PointCloud, by: CloudColour) -> rr.Points3D:
-    """Convert points in the LiDAR's frame."""
-    sizes_px = np.where(cloud.kind == PointKind.SURFACE, POINT_PX, ECHO_PX)
+def to_points3d(shown: Points) -> rr.Points3D:
+    """Convert points in a sensor's frame."""
     # Rerun takes negative radii for sizes on the screen.
-    return rr.Points3D(cloud.points, colors=colour_points(cloud, by), radii=-sizes_px)
+    return rr.Points3D(shown.points, colors=shown.colours, radii=-np.asarray(shown.sizes_px))
 
 
-def to_radar_points3d(detections: RadarDetections) -> rr.Points3D:
-    """Convert detections in the radar's frame, coloured by their radial velocity."""
-    colours = colour_velocities(detections.velocity_m_s)
-    return rr.Points3D(detections.points, colors=colours, radii=-DETECTION_PX)
+def to_encoded_image(picture: Picture) -> rr.EncodedImage:
+    """Convert an image."""
+    if picture.is_label:
+        contents = encode_label_png(picture.pixels)
+        return rr.EncodedImage(contents=contents, media_type="image/png")
+    return rr.EncodedImage(contents=encode_jpeg(picture.pixels), media_type="image/jpeg")
 
 
 def to_boxes3d(states: Sequence[ActorState]) -> rr.Boxes3D:

@@ -1,12 +1,13 @@
 """Entity paths of a recording, and the blueprint of the viewer's window."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import rerun.blueprint as rrb
 from advercity_dsl import Agent
 
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
+from advercity.viewer.shown import Curve, Picture, Points, Shown
 
 TIMELINE = "frame"
 ANNOTATED_ACTORS = "world/actors/seen"
@@ -15,6 +16,8 @@ ROAD = "world/road"
 CONFLICTS = "world/conflicts"
 EVENTS = "events"
 MAP_ROAD = "map/road"
+MOTION = ("speed", "acceleration", "turn_rate", "latitude", "longitude", "altitude")
+"""Plots of every recording; a receiver may have no fix yet in the first frame."""
 FRAMES_PER_S = 10
 MAP_ZOOM = 17.0
 EYE_BEHIND_M, EYE_ABOVE_M, EYE_AHEAD_M = 24.0, 14.0, 10.0
@@ -26,35 +29,10 @@ def format_agent_path(agent: Agent) -> str:
     return f"world/{agent.id}"
 
 
-def format_camera_path(agent: Agent, index: int) -> str:
-    """Return the path of an agent's camera."""
-    return f"{format_agent_path(agent)}/camera{index}"
-
-
-def format_lidar_path(agent: Agent, index: int) -> str:
-    """Return the path of an agent's LiDAR and its points."""
-    return f"{format_agent_path(agent)}/lidar{index or ''}"
-
-
-def format_radar_path(agent: Agent, index: int) -> str:
-    """Return the path of an agent's radar and its detections."""
-    return f"{format_agent_path(agent)}/radar{index}"
-
-
-def format_thermal_path(agent: Agent, index: int) -> str:
-    """Return the path of an agent's thermal camera and its image."""
-    return f"{format_agent_path(agent)}/thermal{index}"
-
-
-def format_range_azimuth_path(agent: Agent, index: int) -> str:
-    """Return the path of a radar's picture over azimuth and range."""
-    return f"range_azimuth/{agent.id}/radar{index}"
-
-
-def format_semantic_path(agent: Agent, index: int) -> str:
-    """Return the path of a semantic image."""
-    # Not in the scene, where it would cover the image of the camera.
-    return f"semantic/{agent.id}/camera{index}"
+def format_sensor_path(agent: Agent, shown: Picture | Points) -> str:
+    """Return the path of a picture, or of points in the scene."""
+    group = shown.group if isinstance(shown, Picture) else "world"
+    return f"{group}/{agent.id}/{shown.sensor}"
 
 
 def format_plot_path(quantity: str, agent: Agent) -> str:
@@ -68,17 +46,40 @@ def format_weather_path(quantity: str) -> str:
 
 
 def build_blueprint(
-    agents: Sequence[Agent], world_from_first: Matrix, map_tiles: bool
+    agents: Sequence[Agent],
+    shown: Sequence[Sequence[Shown]],
+    world_from_first: Matrix,
+    map_tiles: bool,
 ) -> rrb.Blueprint:
-    """Build the window: the scene above map and conflicts, and tabs of cameras, agents, curves."""
+    """Build the window: the scene above map and conflicts, and tabs of cameras, agents, curves.
+
+    Args:
+        agents: All agents.
+        shown: Sequence of what is shown of each agent in the first frame.
+        world_from_first: (4, 4) pose of the first agent.
+        map_tiles: Whether the map has tiles.
+    """
+    pictures = [[one for one in its_own if isinstance(one, Picture)] for its_own in shown]
     front = rrb.Grid(
-        *(_build_image_view(format_camera_path(agent, 0), agent.id) for agent in agents),
+        *(
+            _build_image_view(agent, its_own[0], agent.id)
+            for agent, its_own in zip(agents, pictures, strict=True)
+            if its_own
+        ),
         name="front cameras",
     )
+    curves = [one for its_own in shown for one in its_own if isinstance(one, Curve)]
     tabs = rrb.Tabs(
         front,
-        *(_build_agent_views(agent) for agent in agents),
-        _build_motion_plots(),
+        *(
+            rrb.Grid(
+                *(_build_image_view(agent, one, one.title) for one in its_own),
+                grid_columns=2,
+                name=agent.id,
+            )
+            for agent, its_own in zip(agents, pictures, strict=True)
+        ),
+        _build_motion_plots(dict.fromkeys([*MOTION, *(one.quantity for one in curves)])),
         _build_weather_plots(),
         active_tab=0,
     )
@@ -109,24 +110,11 @@ def _build_eye_controls(agent: Agent, world_from_agent: Matrix) -> rrb.EyeContro
     )
 
 
-def _build_agent_views(agent: Agent) -> rrb.Grid:
-    views: list[rrb.Spatial2DView] = []
-    for index in range(len(agent.sensors.cameras)):
-        views.append(_build_image_view(format_camera_path(agent, index), f"camera {index}"))
-        views.append(_build_image_view(format_semantic_path(agent, index), f"semantic {index}"))
-    for index in range(len(agent.sensors.thermals)):
-        views.append(_build_image_view(format_thermal_path(agent, index), f"thermal {index}"))
-    for index in range(len(agent.sensors.radars)):
-        views.append(_build_image_view(format_range_azimuth_path(agent, index), f"radar {index}"))
-    return rrb.Grid(*views, grid_columns=2, name=agent.id)
+def _build_image_view(agent: Agent, picture: Picture, name: str) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(origin=f"/{format_sensor_path(agent, picture)}", name=name)
 
 
-def _build_image_view(path: str, name: str) -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(origin=f"/{path}", name=name)
-
-
-def _build_motion_plots() -> rrb.Grid:
-    quantities = ("speed", "acceleration", "turn_rate", "latitude", "longitude", "altitude")
+def _build_motion_plots(quantities: Iterable[str]) -> rrb.Grid:
     views = (
         rrb.TimeSeriesView(origin=f"/plots/{name}", name=name.replace("_", " "))
         for name in quantities

@@ -16,7 +16,6 @@ from advercity.errors import InputError
 from advercity.geometry import poses
 from advercity.viewer.archetypes import (
     CLASS_IDS,
-    POINT_PX,
     build_annotation_context,
     build_pinhole,
     choose_agent_colour,
@@ -26,6 +25,7 @@ from advercity.viewer.archetypes import (
 from advercity.viewer.blueprint import FRAMES_PER_S, TIMELINE
 from advercity.viewer.cloud_colours import colour_intensities
 from advercity.viewer.recording import APPLICATION_ID, DRIVEN_PX, open_recording_file
+from advercity.viewer.sensor_views import POINT_PX
 
 UNKNOWN_COLOUR = (200, 200, 200)
 

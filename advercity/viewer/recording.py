@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import Self
 from urllib.parse import urlsplit
 
-import numpy as np
 import rerun as rr
 from advercity_dsl import Spec
-from numpy.typing import NDArray
+from advercity_dsl.sensor_kind import load_named
+from advercity_dsl.sensor_kinds import load_sensor_kinds
 
 from advercity.conflicts.events import ConflictEvent
-from advercity.dataset.image_codec import encode_jpeg, encode_label_png, to_semantic_colours
 from advercity.errors import InputError, RunError, describe_cause
 from advercity.geometry import poses
 from advercity.output_files import check_output, open_output
@@ -37,8 +36,7 @@ from advercity.viewer.archetypes import (
 )
 from advercity.viewer.cloud_colours import CloudColour
 from advercity.viewer.private_page import LOOPBACK_ADDRESS
-from advercity.viewer.radar_pictures import draw_range_azimuth
-from advercity.viewer.thermal_pictures import draw_thermal
+from advercity.viewer.shown import Curve, Place, Points, Shown
 from advercity.viewer.viewer_process import DEFAULT_PORT, check_port
 
 CONNECT_TIMEOUT_S = 3.0
@@ -199,8 +197,9 @@ class RerunRecording:
 
     def log_frame(self, sensor_frames: Sequence[SensorFrame]) -> None:
         """Log one frame, given the sensor frames of all agents."""
+        shown = [list_shown(item, self._cloud_colour) for item in sensor_frames]
         if not self._has_blueprint:
-            self._send_blueprint(sensor_frames)
+            self._send_blueprint(sensor_frames, shown)
         frame = sensor_frames[0].frame
         self._stream.set_time(blueprint.TIMELINE, sequence=frame.index)
         self._stream.set_time("time", duration=frame.time_s)
@@ -208,9 +207,8 @@ class RerunRecording:
         for path, wanted in ((blueprint.ANNOTATED_ACTORS, True), (blueprint.OTHER_ACTORS, False)):
             states = [state for state in frame.states if (state.actor.id in annotated) == wanted]
             self._stream.log(path, archetypes.to_boxes3d(states))
-        for item in sensor_frames:
-            self._log_sensors(item)
-            self._log_motion(item)
+        for item, its_own in zip(sensor_frames, shown, strict=True):
+            self._log_sensors(item, its_own)
             if item.agent.place.kind == "vehicle":
                 self._log_trajectory(item)
         quantities = compute_weather_quantities(self._timeline, self._land_use, frame.index)
@@ -218,10 +216,21 @@ class RerunRecording:
             self._stream.log(blueprint.format_weather_path(name), rr.Scalars(value))
         self._log_events(frame.index, ground_m=float(sensor_frames[0].world_from_agent[2, 3]))
 
-    def _send_blueprint(self, sensor_frames: Sequence[SensorFrame]) -> None:
+    def _send_blueprint(
+        self, sensor_frames: Sequence[SensorFrame], shown: Sequence[Sequence[Shown]]
+    ) -> None:
         # With the first frame, because the eye starts at the first agent's pose.
-        agents, pose = [item.agent for item in sensor_frames], sensor_frames[0].world_from_agent
-        self._stream.send_blueprint(blueprint.build_blueprint(agents, pose, self._map_tiles))
+        agents = [item.agent for item in sensor_frames]
+        made = blueprint.build_blueprint(
+            agents, shown, sensor_frames[0].world_from_agent, self._map_tiles
+        )
+        self._stream.send_blueprint(made)
+        for agent, its_own in zip(agents, shown, strict=True):
+            for one in its_own:
+                if isinstance(one, Curve) and one.axes:
+                    lines = rr.SeriesLines(names=[f"{agent.id} {axis}" for axis in one.axes])
+                    path = blueprint.format_plot_path(one.quantity, agent)
+                    self._stream.log(path, lines, static=True)
         self._has_blueprint = True
 
     def _log_static_scene(self, spec: Spec, lanes: Sequence[LaneSegment]) -> None:
@@ -229,52 +238,41 @@ class RerunRecording:
         self._stream.log("world/actors", archetypes.build_annotation_context(), static=True)
         self._stream.log(blueprint.ROAD, archetypes.to_lane_strips(lanes), static=True)
         self._stream.log(blueprint.MAP_ROAD, self._map.to_lane_lines(lanes), static=True)
-        for agent in spec.agents:
-            if agent.sensors.imu is not None:
-                names = [f"{agent.id} {axis}" for axis in ("ahead", "left", "up")]
-                for quantity in ("acceleration", "turn_rate"):
-                    path = blueprint.format_plot_path(quantity, agent)
-                    self._stream.log(path, rr.SeriesLines(names=names), static=True)
 
-    def _log_sensors(self, item: SensorFrame) -> None:
+    def _log_sensors(self, item: SensorFrame, shown: Sequence[Shown]) -> None:
+        """Log what is shown of an agent's sensors, below the agent where it is in the scene."""
         log, agent = self._stream.log, item.agent
         agent_from_world = poses.invert_pose(item.world_from_agent)
         log(blueprint.format_agent_path(agent), archetypes.to_transform3d(item.world_from_agent))
-        for index, scan in enumerate(item.lidar_scans):
-            lidar = blueprint.format_lidar_path(agent, index)
-            log(lidar, archetypes.to_transform3d(agent_from_world @ scan.world_from_lidar))
-            log(lidar, archetypes.to_points3d(scan.point_cloud, self._cloud_colour))
-        for index, scan in enumerate(item.radar_scans):
-            path = blueprint.format_radar_path(agent, index)
-            log(path, archetypes.to_transform3d(agent_from_world @ scan.world_from_radar))
-            log(path, archetypes.to_radar_points3d(scan.detections))
-            radar = agent.sensors.radars[index].model
-            picture = encode_jpeg(draw_range_azimuth(radar, scan))
-            path = blueprint.format_range_azimuth_path(agent, index)
-            log(path, rr.EncodedImage(contents=picture, media_type="image/jpeg"))
-        for index, image in enumerate(item.thermal_images):
-            path = blueprint.format_thermal_path(agent, index)
-            model = item.build_thermal_model(index)
-            log(path, archetypes.to_transform3d(agent_from_world @ image.world_from_camera))
-            log(path, archetypes.build_pinhole(model))
-            picture = encode_jpeg(draw_thermal(image.counts))
-            log(path, rr.EncodedImage(contents=picture, media_type="image/jpeg"))
-        for index, image in enumerate(item.camera_images):
-            camera = blueprint.format_camera_path(agent, index)
-            log(camera, archetypes.to_transform3d(agent_from_world @ image.world_from_camera))
-            log(camera, archetypes.to_pinhole(item, index))
-            photo = encode_jpeg(image.image)
-            log(camera, rr.EncodedImage(contents=photo, media_type="image/jpeg"))
-            # Labels would not survive JPEG's loss.
-            labels = encode_label_png(to_semantic_colours(image.semantic))
-            semantic = blueprint.format_semantic_path(agent, index)
-            log(semantic, rr.EncodedImage(contents=labels, media_type="image/png"))
+        for one in shown:
+            if isinstance(one, Curve):
+                log(blueprint.format_plot_path(one.quantity, agent), rr.Scalars(one.value))
+            elif isinstance(one, Place):
+                self._log_place(item, one)
+            else:
+                path = blueprint.format_sensor_path(agent, one)
+                if one.pose is not None:
+                    log(path, archetypes.to_transform3d(agent_from_world @ one.pose))
+                if isinstance(one, Points):
+                    log(path, archetypes.to_points3d(one))
+                    continue
+                if one.model is not None:
+                    log(path, archetypes.build_pinhole(one.model))
+                log(path, archetypes.to_encoded_image(one))
+
+    def _log_place(self, item: SensorFrame, place: Place) -> None:
+        """Log where an agent's receiver takes itself to be, and all its former places."""
+        track, path = self._tracks[item.agent.id], f"map/{item.agent.id}"
+        track.fixes.append((place.latitude_deg, place.longitude_deg))
+        self._stream.log(path, self._map.to_point(track.fixes[-1], track.colour))
+        self._stream.log(f"{path}/track", self._map.to_line(track.fixes, track.colour))
 
     def _log_trajectory(self, item: SensorFrame) -> None:
-        """Log the past and the planned trajectory of a vehicle, and its GNSS fixes."""
+        """Log the past and the planned trajectory of a vehicle, and its speed."""
         log, agent, track = self._stream.log, item.agent, self._tracks[item.agent.id]
         east, north, up = (float(value) for value in item.world_from_agent[:3, 3])
         track.driven.append((east, north, up))
+        log(blueprint.format_plot_path("speed", agent), rr.Scalars(item.speed_m_s))
         # The plan has no heights; the vehicle's own keeps it visible on a slope.
         planned = [(east, north, up), *((x, y, up) for x, y, _ in item.planned_trajectory)]
         for name, points, width_px in (
@@ -283,11 +281,6 @@ class RerunRecording:
         ):
             strip = archetypes.to_line_strip(points, track.colour, width_px)
             log(f"world/trajectories/{name}/{agent.id}", strip)
-        if item.gnss is not None:
-            track.fixes.append((item.gnss.latitude_deg, item.gnss.longitude_deg))
-            path = f"map/{agent.id}"
-            log(path, self._map.to_point(track.fixes[-1], track.colour))
-            log(f"{path}/track", self._map.to_line(track.fixes, track.colour))
 
     def _log_events(self, frame: int, *, ground_m: float) -> None:
         """Log the events of a frame as text, and mark their conflict points from then on."""
@@ -304,17 +297,13 @@ class RerunRecording:
                 )
                 self._stream.log(blueprint.CONFLICTS, mark)
 
-    def _log_motion(self, item: SensorFrame) -> None:
-        curves: dict[str, float | NDArray[np.float64]] = {}
-        if item.agent.place.kind == "vehicle":
-            curves["speed"] = item.speed_m_s
-        if item.gnss is not None:
-            curves["latitude"] = item.gnss.latitude_deg
-            curves["longitude"] = item.gnss.longitude_deg
-            curves["altitude"] = item.gnss.altitude_m
-        if item.imu is not None:
-            curves["acceleration"] = item.imu.specific_force
-            curves["turn_rate"] = item.imu.angular_rate
-        for quantity, value in curves.items():
-            path = blueprint.format_plot_path(quantity, item.agent)
-            self._stream.log(path, rr.Scalars(value))
+
+def list_shown(item: SensorFrame, colouring: CloudColour) -> list[Shown]:
+    """List what is shown of all measurements of an agent."""
+    return [
+        shown
+        for kind in load_sensor_kinds().found.values()
+        if kind.show
+        for number in range(len(item.readings.get(kind.name, ())))
+        for shown in load_named(kind.show)(item, number, colouring)
+    ]

@@ -21,24 +21,64 @@ from advercity_dsl.sensor_kind import SensorKind, load_named
 from advercity_dsl.thermal import ThermalCamera
 
 ENTRY_POINT_GROUP = "advercity.sensors"
-_DATASET = "advercity.dataset"
+_DATASET, _VIEWS = "advercity.dataset", "advercity.viewer.sensor_views"
 CORE_KINDS = {
     kind.name: kind
     for kind in (
-        SensorKind("camera", "camera", Camera, "aimed", f"{_DATASET}.camera_files:FILES"),
-        SensorKind("lidar", "LiDAR", Lidar, "level", f"{_DATASET}.lidar_files:FILES"),
-        SensorKind("radar", "radar", Radar, "aimed", f"{_DATASET}.radar_files:FILES"),
         SensorKind(
-            "thermal", "thermal camera", ThermalCamera, "aimed", f"{_DATASET}.thermal_files:FILES"
+            "camera",
+            "camera",
+            Camera,
+            "aimed",
+            files=f"{_DATASET}.camera_files:FILES",
+            show=f"{_VIEWS}:show_camera",
         ),
-        SensorKind("gnss", "satellite receiver", Gnss, "body", f"{_DATASET}.motion_files:GNSS"),
-        SensorKind("imu", "inertial unit", Imu, "body", f"{_DATASET}.motion_files:IMU"),
+        SensorKind(
+            "lidar",
+            "LiDAR",
+            Lidar,
+            "level",
+            files=f"{_DATASET}.lidar_files:FILES",
+            show=f"{_VIEWS}:show_lidar",
+        ),
+        SensorKind(
+            "radar",
+            "radar",
+            Radar,
+            "aimed",
+            files=f"{_DATASET}.radar_files:FILES",
+            show=f"{_VIEWS}:show_radar",
+        ),
+        SensorKind(
+            "thermal",
+            "thermal camera",
+            ThermalCamera,
+            "aimed",
+            files=f"{_DATASET}.thermal_files:FILES",
+            show=f"{_VIEWS}:show_thermal",
+        ),
+        SensorKind(
+            "gnss",
+            "satellite receiver",
+            Gnss,
+            "body",
+            files=f"{_DATASET}.motion_files:GNSS",
+            show=f"{_VIEWS}:show_gnss",
+        ),
+        SensorKind(
+            "imu",
+            "inertial unit",
+            Imu,
+            "body",
+            files=f"{_DATASET}.motion_files:IMU",
+            show=f"{_VIEWS}:show_imu",
+        ),
         SensorKind(
             "can",
             "bus",
             CanBus,
             "body",
-            f"{_DATASET}.motion_files:CAN",
+            files=f"{_DATASET}.motion_files:CAN",
             not_on_units="a roadside unit has no wheels",
         ),
     )
