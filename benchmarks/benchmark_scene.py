@@ -11,10 +11,10 @@ from advercity.frames import Frame
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import transform_points
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
-from advercity.pipeline.sensing import build_camera_view
 from advercity.rendering.backend import CameraView, RenderProfile
+from advercity.sensors.agent_poses import AgentPoses
+from advercity.sensors.camera.driver import build_camera_view
 
 
 class BenchmarkScene:
@@ -22,6 +22,7 @@ class BenchmarkScene:
 
     Attributes:
         spec: The scenario.
+        trace: Its traffic.
         length: Number of its frames.
         poses: Poses of its agents.
         frame: The frame.
@@ -33,7 +34,7 @@ class BenchmarkScene:
     def __init__(self, spec_path: Path, frame_index: int) -> None:
         self.spec = read_spec(spec_path)
         traffic = load_or_simulate_traffic(self.spec)
-        self.length = len(traffic.trace)
+        self.trace, self.length = traffic.trace, len(traffic.trace)
         self.poses = AgentPoses(self.spec, traffic.trace)
         self.frame = self.poses.load_frame(frame_index)
         self.world = load_or_build_world(self.spec, traffic.network_path)
@@ -44,7 +45,9 @@ class BenchmarkScene:
         """List the views of an agent's cameras."""
         return [
             build_camera_view(agent, number, pose, profile)
-            for number, pose in enumerate(self.poses.world_from_cameras(agent, self.frame))
+            for number, pose in enumerate(
+                self.poses.world_from_sensors("camera", agent, self.frame)
+            )
         ]
 
     def list_world_meshes(self, frame: Frame) -> list[Mesh]:

@@ -19,11 +19,11 @@ from stock_renderer import StockRenderer
 
 from advercity.compiler import find_weather, with_weather
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.pipeline.sensing import build_camera_view
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraView, RenderProfile, load_backend
 from advercity.rendering.light_sources import list_light_sources
 from advercity.sensors.camera import CameraConditions, CameraExposure, render_image
+from advercity.sensors.camera.driver import build_camera_view
 from advercity.sensors.camera.moments import list_moments
 
 SPEC = Path("compiled/ui_clear_day_dense.json")
@@ -60,7 +60,7 @@ def measure_bands(scene: BenchmarkScene, rounds: int) -> tuple[float, float]:
     times_s = [moment.instant.time_s for moment in list_moments(camera, shutter_s=0.005)]
     views: dict[float, CameraView] = {}
     for time_s in times_s:
-        pose = scene.poses.world_from_cameras(ego, scene.frame, time_s=time_s)[0]
+        pose = scene.poses.world_from_sensors("camera", ego, scene.frame, time_s=time_s)[0]
         views[time_s] = build_camera_view(ego, 0, pose, profile)
     with load_backend("sapien").open(scene.world, scene.air, profile) as renderer:
 
@@ -84,7 +84,7 @@ def measure_image(
     air, ego = compute_atmosphere(authored, scene.spec.road.land_use), scene.ego
     camera = ego.sensors.camera
     view = CameraView(
-        scene.poses.world_from_cameras(ego, scene.frame)[0],
+        scene.poses.world_from_sensors("camera", ego, scene.frame)[0],
         width_px,
         width_px * 9 // 16,
         math.radians(camera.horizontal_fov_deg),

@@ -24,7 +24,6 @@ from measurement import Measurement, format_table, measure_run_time
 
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.pipeline.sensing import build_thermal_model
 from advercity.randomness import create_generator
 from advercity.rendering.backend import RENDER_PROFILES, load_backend
 from advercity.rendering.light_sources import list_light_sources
@@ -36,6 +35,7 @@ from advercity.sensors.thermal import (
     derive_thermal_conditions,
     take_thermal_image,
 )
+from advercity.sensors.thermal.driver import build_thermal_model
 from advercity.testing import make_capture
 from advercity.traffic.weather_effects import apply_lamp_state
 
@@ -147,7 +147,7 @@ def measure_options(scene: BenchmarkScene, *, rounds: int) -> Iterator[tuple[str
 
 def measure_thermal_images(scene: BenchmarkScene, *, rounds: int) -> Iterator[tuple[str, float]]:
     """Measure thermal images of the scene by day, when shadows are cast, and by night."""
-    raycaster, model = Raycaster(scene.world), build_thermal_model(THERMAL, PROFILE.with_scale(1.0))
+    raycaster, model = Raycaster(scene.world), build_thermal_model(THERMAL, 1.0)
     mount = pose_matrix((THERMAL.mounts[0].x_m, 0.0, THERMAL.mounts[0].z_m))
     pose = scene.poses.world_from_agent(scene.ego, scene.frame.index) @ mount
     hide = frozenset({scene.ego.number})

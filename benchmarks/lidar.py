@@ -82,14 +82,14 @@ class LidarScene(BenchmarkScene):
         lidar = lidar or agent.sensors.lidar
         is_roadside = isinstance(agent.place, RoadsideUnit)
         self.caster.place(frame, frozenset() if is_roadside else frozenset({agent.number}))
-        pose = self.poses.world_from_lidars(agent, frame)[0]
+        pose = self.poses.world_from_sensors("lidar", agent, frame)[0]
         scan = cast_scan(lidar, pose, self.caster, puddle_coverage=air.puddle_coverage)
         rng = create_generator("benchmark", agent.id, frame.index)
         return len(measure_point_cloud(lidar, scan, air, rng, states=frame.states).points)
 
     def compute_rays(self, agent: Agent, frame: Frame) -> tuple[FloatArray, FloatArray]:
         """Compute origins and directions (n, 3) of a sensor's rays."""
-        pose = self.poses.world_from_lidars(agent, frame)[0]
+        pose = self.poses.world_from_sensors("lidar", agent, frame)[0]
         directions = (beam_directions(agent.sensors.lidar) @ pose[:3, :3].T).astype(np.float32)
         origins = np.repeat(pose[None, :3, 3].astype(np.float32), len(directions), axis=0)
         return origins, np.ascontiguousarray(directions)

@@ -7,6 +7,7 @@ costs nothing.
 import statistics
 import sys
 from collections.abc import Callable
+from itertools import compress
 from pathlib import Path
 
 from advercity_dsl import Agent, Gnss, Imu
@@ -16,8 +17,12 @@ from advercity_dsl.positioning import SatelliteReceiver
 from benchmark_scene import BenchmarkScene
 from measurement import Measurement, format_table, measure_run_time
 
-from advercity.rendering.raycaster import Raycaster
-from advercity.sensors.gnss import SkyView
+from advercity.rendering.backend import RENDER_PROFILES
+from advercity.sensors.agent_poses import AgentPoses
+from advercity.sensors.gnss.driver import GnssDriver
+from advercity.sensors.motion_drivers import CanDriver, ImuDriver
+from advercity.sensors.stage import Stage
+from advercity.testing import FakeRenderer
 
 SPEC, FIRST_FRAME = Path("compiled/ui_clear_day_sparse.json"), 200
 MAX_FRAME_S = 0.05
@@ -27,7 +32,6 @@ MAX_FRAME_S = 0.05
 def run_benchmark(*, quick: bool) -> list[Measurement]:
     """Measure successive frames with each sensor alone."""
     scene, frames = BenchmarkScene(SPEC, FIRST_FRAME), 10 if quick else 40
-    sky = SkyView(Raycaster(scene.world))
     single, rtk = (
         Gnss(mode="satellites", receiver=SatelliteReceiver(corrections=corrections))
         for corrections in ("none", "rtk")
@@ -42,7 +46,7 @@ def run_benchmark(*, quick: bool) -> list[Measurement]:
     return [
         Measurement(
             name,
-            _measure_median_s(_build_work(scene, agent, sky), frames),
+            _measure_median_s(_build_work(scene, agent), frames),
             "s of a core a frame",
             at_most=MAX_FRAME_S,
         )
@@ -54,15 +58,19 @@ def _with_sensors(agent: Agent, **sensors: object) -> Agent:
     return agent.model_copy(update={"sensors": agent.sensors.model_copy(update=sensors)})
 
 
-def _build_work(scene: BenchmarkScene, agent: Agent, sky: SkyView) -> Callable[[int], object]:
-    """Build what measures the sensors of an agent in a frame that is loaded already."""
+def _build_work(scene: BenchmarkScene, agent: Agent) -> Callable[[int], object]:
+    """Build what measures the receiver, inertial unit and bus of an agent in a frame."""
+    alone = scene.spec.model_copy(update={"agents": (agent,)})
+    poses = AgentPoses(alone, scene.trace)
+    stage = Stage(poses, scene.world, FakeRenderer(), RENDER_PROFILES["preview"])
+    drivers = [driver(stage) for driver in (GnssDriver, ImuDriver, CanDriver)]
 
     def work(index: int) -> object:
-        frame = scene.poses.load_frame(index)
-        fix = None
-        if agent.sensors.gnss.mode == "satellites":
-            fix = scene.poses.measure_fix(agent, frame, sky)
-        return scene.poses.build_sensor_frame(agent, frame, readings={}, fix=fix)
+        stage.place(index)
+        for driver in drivers:
+            driver.prepare()
+        has = (True, agent.sensors.imu is not None, agent.sensors.can is not None)
+        return [driver.measure(agent, 0) for driver in compress(drivers, has)]
 
     return work
 

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from advercity.compiler import find_weather
 from advercity.compiler.crossing import compile_library
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
 from advercity.randomness import create_generator
 from advercity.rendering.raycaster import Raycaster
 from advercity.semantics import Semantic
+from advercity.sensors.agent_poses import AgentPoses
 from advercity.sensors.lidar import cast_scan, derive_lidar_conditions, measure_point_cloud
 from advercity.sensors.measurements import PointCloud, PointKind
 from advercity.viewer.cloud_colours import KIND_COLOURS
@@ -82,7 +82,7 @@ class Scene:
             compute_atmosphere(weather, self._spec.road.land_use), weather.lens
         )
         self._caster.place(self._frame, frozenset({agent.number}))
-        pose = self._viewpoints.world_from_lidars(agent, self._frame)[0]
+        pose = self._viewpoints.world_from_sensors("lidar", agent, self._frame)[0]
         lidar = agent.sensors.lidar
         scan = cast_scan(lidar, pose, self._caster, puddle_coverage=air.puddle_coverage)
         return measure_point_cloud(

@@ -21,7 +21,6 @@ from advercity.compiler.crossing import compile_library
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 from advercity.pipeline import RunOptions
-from advercity.pipeline.frame_conditions import ConditionsByFrame
 from advercity.pipeline.preparation import prepare_scenario
 from advercity.pipeline.sensing import SensorRig
 from advercity.sensors.annotation import annotate_actors
@@ -78,11 +77,11 @@ def draw_weather(spec: Spec) -> NDArray[np.uint8]:
     frames = slice(FRAME, FRAME + 1)
     options = RunOptions(output=Path("none"), profile="preview", scale=SCALE, frames=frames)
     prepared = prepare_scenario(spec, options)
-    conditions, world = ConditionsByFrame(spec, prepared.poses.timeline), prepared.load_world()
-    air = conditions.at(FRAME).atmosphere
+    world = prepared.load_world()
+    air = prepared.poses.timeline.atmosphere_at(FRAME, spec.road.land_use)
     with prepared.backend.open(world, air, prepared.profile) as renderer:
         equipped = replace(prepared, spec=with_rigs(spec))
-        sensors = SensorRig(equipped, conditions, renderer, world)
+        sensors = SensorRig(equipped, renderer, world)
         rows = [draw_row(item, spec.weather.id) for item in sensors.capture_frame(FRAME)]
     return np.vstack(rows)
 

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from advercity.compiler.crossing import compile_library
 from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
 from advercity.rendering.backend import CameraView, RenderProfile, load_backend
+from advercity.sensors.agent_poses import AgentPoses
 from advercity.sensors.camera import CameraConditions, CameraExposure, render_image
 
 ROOT = Path(__file__).parents[1]
@@ -90,9 +90,9 @@ def render_views(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8
 def _list_views(viewpoints: AgentPoses, index: int) -> Iterator[tuple[str, Matrix, frozenset[int]]]:
     agents = {agent.id: agent for agent in viewpoints.spec.agents}
     ego, frame = agents["cav1"], viewpoints.load_frame(index)
-    yield "ego", viewpoints.world_from_cameras(ego, frame)[0], frozenset({ego.number})
+    yield "ego", viewpoints.world_from_sensors("camera", ego, frame)[0], frozenset({ego.number})
     for name in ("rsu1", "rsu2"):
-        yield name, viewpoints.world_from_cameras(agents[name], frame)[0], frozenset()
+        yield name, viewpoints.world_from_sensors("camera", agents[name], frame)[0], frozenset()
     yield "above", _build_aerial_pose(viewpoints.world_from_agent(ego, index)), frozenset()
 
 

@@ -14,7 +14,6 @@ from advercity.dataset.agent_view import AgentView
 from advercity.dataset.carla_frame import carla_pose_from_matrix, mirror_pose
 from advercity.dataset.formats import ADVER_CITY, OPV2V, DatasetFormat
 from advercity.dataset.image_codec import (
-    MAX_DEPTH_CM,
     encode_deep_png,
     encode_label_png,
     encode_photo_png,
@@ -29,7 +28,7 @@ from advercity.dataset.sensor_files import EncodingJobs, FileOptions, SensorFile
 from advercity.geometry import poses
 from advercity.geometry.arrays import Uint8Array
 from advercity.geometry.poses import Matrix
-from advercity.sensors.camera_model import CameraModel
+from advercity.sensors.camera_model import MAX_DEPTH_CM, CameraModel
 from advercity.sensors.measurements import OpticalFlow
 from advercity.sensors.rolling_shutter import RollingCamera
 from advercity.sensors.sensor_frame import CameraImage, ProjectedBox, SensorFrame

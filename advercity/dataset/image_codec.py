@@ -91,15 +91,6 @@ def from_flow_colours(image: NDArray[np.uint16]) -> NDArray[np.float32]:
     return np.where(image[..., 2:] > 0, shift, np.float32(np.nan))
 
 
-MAX_DEPTH_CM = 65_535
-"""Depth of the sky and of all that is farther."""
-
-
-def quantise_depth(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
-    """Round depths (h, w) in metres, inf for the sky, to centimetres, at most `MAX_DEPTH_CM`."""
-    return np.rint(np.minimum(depth * np.float32(100.0), MAX_DEPTH_CM)).astype(np.uint16)
-
-
 def to_whole_metres(depth_cm: NDArray[np.uint16]) -> NDArray[np.uint8]:
     """Round depths (h, w) in centimetres to metres, at most 255."""
     return np.rint(np.minimum(depth_cm * np.float32(0.01), 255.0)).astype(np.uint8)

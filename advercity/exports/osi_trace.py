@@ -28,9 +28,9 @@ from advercity.frames import WHEELBASE_FRACTION, ActorState, Frame, Lamp, Signal
 from advercity.geometry.poses import to_yaw_pitch_roll, transform_points
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.physics.extinction import compute_extinction
-from advercity.pipeline.agent_poses import AgentPoses
 from advercity.roads.road_network import build_road
 from advercity.roads.signals import TrafficLight
+from advercity.sensors.agent_poses import AgentPoses
 from advercity.signal_heads import SIGNAL_HEADS
 
 LENGTH_BYTES = 4

@@ -65,6 +65,7 @@ class WeatherTimeline:
         self._paths_m = [np.zeros(3)]
         self.weather_at = lru_cache(maxsize=64)(self._compute_weather)
         self._compute_light = lru_cache(maxsize=2)(self._compute_atmosphere)
+        self._change_air = lru_cache(maxsize=2)(self._change_air_and_ground)
 
     @staticmethod
     def from_spec(spec: Spec) -> "WeatherTimeline":
@@ -86,6 +87,9 @@ class WeatherTimeline:
 
     def atmosphere_at(self, frame: int, land_use: LandUse) -> Atmosphere:
         """Compute the atmosphere of a frame; the same object for all frames of constant weather."""
+        return self._change_air(frame if self.is_changing else 0, land_use)
+
+    def _change_air_and_ground(self, frame: int, land_use: LandUse) -> Atmosphere:
         light = self._compute_light(self.find_light_frame(frame), land_use)
         return change_air_and_ground(light, self.weather_at(frame)) if self.is_changing else light
 

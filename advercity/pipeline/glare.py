@@ -20,9 +20,9 @@ from advercity.diagnostics import DiagnosticsError
 from advercity.errors import InputError
 from advercity.geometry.arrays import Float64Array
 from advercity.physics.sky import direction_from_elevation_azimuth
-from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
 from advercity.rendering.raycaster import Raycaster, Rays
+from advercity.sensors.agent_poses import AgentPoses
 from advercity.sensors.camera_model import CameraModel
 
 FRAME_STRIDE = 5
@@ -148,7 +148,7 @@ def _compute_visibility(
     views: list[NDArray[np.bool_]] = []
     for index in range(0, len(traffic.trace), FRAME_STRIDE):
         frame = poses.load_frame(index)
-        front = poses.world_from_cameras(spec.ego, frame)[0]
+        front = poses.world_from_sensors("camera", spec.ego, frame)[0]
         directions = suns @ front[:3, :3]
         pixels = model.pixels_from_camera(directions)
         off = np.arccos(np.clip(directions[:, 0], -1.0, 1.0))

@@ -22,7 +22,6 @@ from advercity.digests import compute_json_digest, compute_source_digest
 from advercity.documents import read_text
 from advercity.errors import BackendError, InputError, RunError, StagingError
 from advercity.frames import Trace
-from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.cache import (
     compute_body_key,
     compute_road_key,
@@ -45,6 +44,7 @@ from advercity.roads.plan_frame import to_plan_frame
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.scene.build import build_world
 from advercity.scene.world_storage import load_body, load_world, save_body, save_world
+from advercity.sensors.agent_poses import AgentPoses
 from advercity.texture_packs import TEXTURE_PACKS
 from advercity.traffic.simulation import write_simulated_trace
 from advercity.world import World

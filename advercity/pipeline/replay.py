@@ -19,11 +19,10 @@ from advercity.errors import InputError, RunError
 from advercity.frames import ActorState, Frame, Trace
 from advercity.geometry.boxes import Box
 from advercity.geometry.poses import invert_pose
-from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.options import ViewerTarget
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.roads.road_network import build_road
-from advercity.sensors.measurements import GnssFix
+from advercity.sensors.agent_poses import AgentPoses
 from advercity.sensors.sensor_frame import SensorFrame
 from advercity.viewer.cloud_colours import CloudColour
 
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 def load_sensor_frames(
     scenario: Scenario, poses: AgentPoses, index: int
 ) -> tuple[SensorFrame, ...]:
-    """Load the sensor frames of a frame: images and clouds from files, the rest from the trace."""
+    """Load the sensor frames of a frame: measurements from files, the rest from the trace."""
     stored = scenario.frame(index)
     boxes = [stored[agent.id].boxes for agent in scenario.spec.agents]
     frame = _with_annotated_boxes(poses.load_frame(index), boxes)
@@ -43,7 +42,6 @@ def load_sensor_frames(
             agent,
             frame,
             readings=_read_all(stored[agent.id]),
-            fix=_load_fix(stored[agent.id]),
         )
         for agent in scenario.spec.agents
     )
@@ -58,11 +56,6 @@ def _read_all(stored: AgentView) -> dict[str, tuple[Any, ...]]:
         for kind in load_sensor_kinds().found.values()
         if kind.has_place
     }
-
-
-def _load_fix(stored: AgentView) -> GnssFix | None:
-    """Load the fix of a receiver of satellites; other fixes need no world to be made again."""
-    return stored.motion[0] if stored.agent.sensors.gnss.mode == "satellites" else None
 
 
 def _with_annotated_boxes(frame: Frame, annotated: Iterable[Boxes]) -> Frame:

@@ -14,6 +14,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
 
@@ -230,3 +231,12 @@ def _build_calibrated(
         pixel_aspect=camera.pixel_aspect * down / across,
         offset_px=(column * across - width_px / 2, row * down - height_px / 2),
     )
+
+
+MAX_DEPTH_CM = 65_535
+"""Depth of the sky and of all that is farther."""
+
+
+def quantise_depth(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Round depths (h, w) in metres, inf for the sky, to centimetres, at most `MAX_DEPTH_CM`."""
+    return np.rint(np.minimum(depth * np.float32(100.0), MAX_DEPTH_CM)).astype(np.uint16)

@@ -24,6 +24,7 @@ class SensorKind:
             ones are level and face east, `body` ones have no place and time of their own.
         files: Names, as `module:attribute`, the `SensorFiles` of `advercity.dataset.sensor_files`
             that keep its measurements; it is loaded when it is used.
+        driver: Names a `SensorDriver` of `advercity.sensors.stage`, which measures.
         show: Names a function of `advercity.viewer.shown` that lists what viewers show of a
             measurement; empty for nothing.
         not_on_units: Why no roadside unit has one; empty if it may.
@@ -34,6 +35,7 @@ class SensorKind:
     model: type[Sampled]
     placing: Literal["aimed", "level", "body"]
     files: str
+    driver: str
     show: str = ""
     not_on_units: str = ""
 

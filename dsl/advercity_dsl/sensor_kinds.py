@@ -21,7 +21,8 @@ from advercity_dsl.sensor_kind import SensorKind, load_named
 from advercity_dsl.thermal import ThermalCamera
 
 ENTRY_POINT_GROUP = "advercity.sensors"
-_DATASET, _VIEWS = "advercity.dataset", "advercity.viewer.sensor_views"
+_DATASET, _SENSORS = "advercity.dataset", "advercity.sensors"
+_VIEWS = "advercity.viewer.sensor_views"
 CORE_KINDS = {
     kind.name: kind
     for kind in (
@@ -31,6 +32,7 @@ CORE_KINDS = {
             Camera,
             "aimed",
             files=f"{_DATASET}.camera_files:FILES",
+            driver=f"{_SENSORS}.camera.driver:CameraDriver",
             show=f"{_VIEWS}:show_camera",
         ),
         SensorKind(
@@ -39,6 +41,7 @@ CORE_KINDS = {
             Lidar,
             "level",
             files=f"{_DATASET}.lidar_files:FILES",
+            driver=f"{_SENSORS}.lidar.driver:LidarDriver",
             show=f"{_VIEWS}:show_lidar",
         ),
         SensorKind(
@@ -47,6 +50,7 @@ CORE_KINDS = {
             Radar,
             "aimed",
             files=f"{_DATASET}.radar_files:FILES",
+            driver=f"{_SENSORS}.radar.driver:RadarDriver",
             show=f"{_VIEWS}:show_radar",
         ),
         SensorKind(
@@ -55,6 +59,7 @@ CORE_KINDS = {
             ThermalCamera,
             "aimed",
             files=f"{_DATASET}.thermal_files:FILES",
+            driver=f"{_SENSORS}.thermal.driver:ThermalDriver",
             show=f"{_VIEWS}:show_thermal",
         ),
         SensorKind(
@@ -63,6 +68,7 @@ CORE_KINDS = {
             Gnss,
             "body",
             files=f"{_DATASET}.motion_files:GNSS",
+            driver=f"{_SENSORS}.gnss.driver:GnssDriver",
             show=f"{_VIEWS}:show_gnss",
         ),
         SensorKind(
@@ -71,6 +77,7 @@ CORE_KINDS = {
             Imu,
             "body",
             files=f"{_DATASET}.motion_files:IMU",
+            driver=f"{_SENSORS}.motion_drivers:ImuDriver",
             show=f"{_VIEWS}:show_imu",
         ),
         SensorKind(
@@ -79,6 +86,7 @@ CORE_KINDS = {
             CanBus,
             "body",
             files=f"{_DATASET}.motion_files:CAN",
+            driver=f"{_SENSORS}.motion_drivers:CanDriver",
             not_on_units="a roadside unit has no wheels",
         ),
     )

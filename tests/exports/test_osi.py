@@ -11,9 +11,9 @@ from advercity_dsl import Spec
 from advercity.dataset.reader import open_dataset
 from advercity.exports.exporting import export_dataset
 from advercity.exports.openscenario import load_dataset_traffic
-from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.roads.road_network import build_road
+from advercity.sensors.agent_poses import AgentPoses
 from tests.exports.readers import needs_readers, run_reader
 from tests.exports.recorded_dataset import FIRST_FRAME, FRAMES
 from tests.exports.recorded_dataset import recorded_dataset as recorded_dataset  # a fixture

@@ -18,8 +18,8 @@ from advercity.exports.openscenario import format_scenario
 from advercity.exports.osi_trace import TruthBuilder
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
-from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.preparation import TrafficResult, load_or_simulate_traffic
+from advercity.sensors.agent_poses import AgentPoses
 from tests.builders import (
     WORLD_FROM_STREET,
     ask_for_instances,

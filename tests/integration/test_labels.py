@@ -14,7 +14,6 @@ from advercity.frames import STATE_DTYPE, Actor, ActorState, Frame, Lamp, Trace
 from advercity.geometry import poses
 from advercity.geometry.mesh import Mesh
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.pipeline.frame_conditions import ConditionsByFrame
 from advercity.pipeline.preparation import PreparedScenario, TrafficResult
 from advercity.pipeline.sensing import SensorRig
 from advercity.rendering.backend import CameraView, RenderProfile
@@ -156,8 +155,7 @@ def capture_far_apart(spec: Spec, scale: float) -> tuple[SensorFrame, ...]:
     traffic = TrafficResult(Path("none"), parked_far_apart(spec, vehicles), "0" * 64)
     prepared = PreparedScenario(spec, traffic, backend, profile, range(3))
     with backend.open(world, air, profile) as renderer:
-        conditions = ConditionsByFrame(spec, prepared.poses.timeline)
-        return SensorRig(prepared, conditions, renderer, world).capture_frame(1)
+        return SensorRig(prepared, renderer, world).capture_frame(1)
 
 
 def without_surroundings(spec: Spec) -> Spec:

@@ -12,7 +12,8 @@ from advercity.dataset.manifest import Manifest
 from advercity.dataset.reader import Scenario
 from advercity.physics.timeline import WeatherTimeline
 from advercity.pipeline import RunOptions, run_scenario
-from advercity.pipeline.frame_conditions import ConditionsByFrame
+from advercity.sensors.camera.weather import CameraWeather
+from advercity.sensors.lidar import derive_lidar_conditions
 from advercity.testing import hash_tree, load_example_spec, with_small_sensors
 
 pytestmark = pytest.mark.sumo
@@ -58,16 +59,16 @@ def test_constant_weather_is_in_the_manifest_alone(tmp_path: Path) -> None:
 
 
 def test_each_frame_has_as_many_drops_as_its_rain(spec: Spec) -> None:
-    conditions = ConditionsByFrame(spec, WeatherTimeline(spec.weather, spec.timing.tick_s))
-    none, some, most = (conditions.at(frame) for frame in (10, 70, 120))
+    timeline = WeatherTimeline(spec.weather, spec.timing.tick_s)
+    cameras = CameraWeather(spec, timeline)
+    none, some, most = (cameras.at(frame) for frame in (10, 70, 120))
 
-    assert not none.camera.blocks
-    assert not none.lidar.precipitation
+    dry, weather = timeline.atmosphere_at(10, spec.road.land_use), timeline.weather_at(10)
+    assert not none.blocks
+    assert not derive_lidar_conditions(dry, weather.lens, weather.fog).precipitation
     # Most is the rain of 40 mm/h that blocks are built for; of drops of 1 mm, 20 mm/h has
     # exp(-4.1 (20^-0.21 - 40^-0.21)) = 0.744 times as many.
-    (shown,) = [
-        block.shown for block in some.camera.blocks if block.band.low_mm == pytest.approx(0.9)
-    ]
+    (shown,) = [block.shown for block in some.blocks if block.band.low_mm == pytest.approx(0.9)]
     assert shown == pytest.approx(0.744, abs=0.005)
-    assert {block.shown for block in most.camera.blocks} == {1.0}
-    assert conditions.at(70).camera.blocks[0].offset_m is some.camera.blocks[0].offset_m
+    assert {block.shown for block in most.blocks} == {1.0}
+    assert cameras.at(70).blocks[0].offset_m is some.blocks[0].offset_m

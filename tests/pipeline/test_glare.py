@@ -14,10 +14,10 @@ from advercity.compiler import find_shipped_library, find_weather, load_library
 from advercity.compiler.crossing import find_suite
 from advercity.errors import InputError
 from advercity.physics.sky import direction_from_elevation_azimuth
-from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.glare import compute_visible_fraction, solve_sun, solve_suns
 from advercity.pipeline.preparation import load_or_build_world, load_or_simulate_traffic
 from advercity.rendering.raycaster import Raycaster, Rays
+from advercity.sensors.agent_poses import AgentPoses
 
 pytestmark = pytest.mark.sumo
 
@@ -43,7 +43,7 @@ def test_the_ego_sees_the_sun_for_more_than_half_of_its_route(
     seen: list[bool] = []
     for index in range(0, len(stage.trace), STEP):
         frame = viewpoints.load_frame(index)
-        front = viewpoints.world_from_cameras(ego, frame)[0]
+        front = viewpoints.world_from_sensors("camera", ego, frame)[0]
         ahead, left, up = front[:3, :3].T @ sun
         in_view = ahead > 0.0 and abs(left) < across * ahead and abs(up) < down * ahead
         caster.place(frame, hide=frozenset({ego.number}))

@@ -30,13 +30,13 @@ from advercity.pipeline import (
     repair_dataset,
     run_scenario,
 )
-from advercity.pipeline.agent_poses import AgentPoses
 from advercity.pipeline.backend_comparison import compare_backends
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.pipeline.replay import load_sensor_frames
 from advercity.pipeline.weather_gallery import write_weather_gallery
 from advercity.rendering.backend import CameraCapture, CameraView
 from advercity.semantics import Semantic
+from advercity.sensors.agent_poses import AgentPoses
 from advercity.sensors.measurements import PointKind
 from advercity.testing import FakeRenderer, make_capture, with_small_sensors
 from tests.builders import without_surroundings

@@ -12,9 +12,9 @@ from pydantic import ValidationError
 
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array
-from advercity.pipeline.sensing import build_camera_view
 from advercity.rendering.backend import RENDER_PROFILES
 from advercity.sensors.annotation import project_boxes
+from advercity.sensors.camera.driver import build_camera_view
 from advercity.sensors.camera.lens_map import build_lens_map
 from advercity.sensors.camera_model import CameraModel
 from advercity.testing import build_flat_world, make_actor_state, make_frame

@@ -18,7 +18,6 @@ from advercity.exports.exporting import export_dataset
 from advercity.frames import STATE_DTYPE, Actor, Trace
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import interpolate_poses, invert_pose, transform_points
-from advercity.pipeline.frame_conditions import ConditionsByFrame
 from advercity.pipeline.preparation import PreparedScenario, TrafficResult
 from advercity.pipeline.sensing import SensorRig
 from advercity.rendering.backend import RenderProfile
@@ -89,8 +88,7 @@ def open_rig(camera: Camera, trace: Trace, *static: Mesh) -> tuple[SensorRig, Ca
     traffic = TrafficResult(Path("none"), trace, "0" * 64)
     prepared = PreparedScenario(spec, traffic, FakeBackend(), profile, range(3))
     renderer = CastRenderer(world)
-    conditions = ConditionsByFrame(spec, prepared.poses.timeline)
-    return SensorRig(prepared, conditions, renderer, world), renderer, spec
+    return SensorRig(prepared, renderer, world), renderer, spec
 
 
 def capture(camera: Camera, trace: Trace, *static: Mesh) -> CameraImage:
