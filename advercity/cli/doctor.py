@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import sumo
+from advercity_dsl.sensor_kinds import CORE_KINDS, load_sensor_kinds
 
 from advercity import __version__
 from advercity.assets.catalogue import load_catalogue_blueprints
@@ -49,6 +50,7 @@ def _run_checks() -> Iterator[CheckResult]:
         yield "backend mitsuba", True, _NO_MITSUBA
     for package in ("embreex", "rerun-sdk", "opencv-python-headless"):
         yield package, True, version(package)
+    yield from _check_sensors()
     yield from _check_packages()
     yield _run_check("cache", _check_cache)
 
@@ -74,6 +76,15 @@ def _check_backend(name: str) -> str:
     found = load_backend(name).capabilities()
     rays = "raster and ray tracing" if found.ray_traced else "raster only"
     return f"{found.device}, {rays}"
+
+
+def _check_sensors() -> Iterator[CheckResult]:
+    """Check the kinds of sensors of other distributions."""
+    found, broken = load_sensor_kinds()
+    for name in found.keys() - CORE_KINDS.keys():
+        yield f"sensor {name}", True, found[name].files.partition(":")[0]
+    for name, reason in broken.items():
+        yield f"sensor {name}", False, reason
 
 
 def _check_packages() -> Iterator[CheckResult]:

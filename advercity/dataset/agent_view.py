@@ -312,7 +312,7 @@ class AgentView:
     def load_radar_pose(self, radar: int) -> Matrix:
         """Load the pose (4, 4) of a radar: x forward, y left, z up."""
         _check_number("radar", radar, self.radars, self.id)
-        return self._parse_pose(f"radar{radar}_pose")
+        return self.parse_pose(f"radar{radar}_pose")
 
     @property
     def thermals(self) -> int:
@@ -341,7 +341,7 @@ class AgentView:
     def load_thermal_pose(self, camera: int) -> Matrix:
         """Load the pose (4, 4) of a thermal camera in body axes, as `world_from_camera`."""
         _check_number("thermal camera", camera, self.thermals, self.id)
-        return self._parse_pose(f"thermal{camera}", "cords")
+        return self.parse_pose(f"thermal{camera}", "cords")
 
     def load_thermal_model(self, camera: int) -> CameraModel:
         """Load the projection of a thermal camera."""
@@ -386,9 +386,7 @@ class AgentView:
     @property
     def extras(self) -> dict[str, Any]:
         """The content of `_objects.json`, left-handed as in the file; read at every use."""
-        path = self.path("_objects.json")
-        with report_read_errors(path, self.hint):
-            return parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path, hint=self.hint)
+        return self.load_json("_objects.json")
 
     @property
     def motion(self) -> tuple[GnssFix | None, ImuSample | None]:
@@ -425,14 +423,18 @@ class AgentView:
 
     def load_messages_document(self) -> dict[str, Any]:
         """Load the content of that file, left-handed as it is; read at every use."""
-        path = self.path(self.messages_suffix)
+        return self.load_json(self.messages_suffix)
+
+    def load_json(self, suffix: str) -> dict[str, Any]:
+        """Load the JSON document of this agent's file in this frame with that suffix."""
+        path = self.path(suffix)
         with report_read_errors(path, self.hint):
             return parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path, hint=self.hint)
 
     @property
     def world_from_agent(self) -> Matrix:
         """Pose (4, 4) of the vehicle's origin on the ground, or of the roadside unit."""
-        return self._parse_pose("true_ego_pos")
+        return self.parse_pose("true_ego_pos")
 
     @property
     def world_from_lidar(self) -> Matrix:
@@ -442,11 +444,11 @@ class AgentView:
     def load_lidar_pose(self, lidar: int) -> Matrix:
         """Load the pose (4, 4) of a LiDAR."""
         _check_number("LiDAR", lidar, self.lidars, self.id)
-        return self._parse_pose(f"lidar{lidar or ''}_pose")
+        return self.parse_pose(f"lidar{lidar or ''}_pose")
 
     def world_from_camera(self, camera: int) -> Matrix:
         """Return the pose (4, 4) of a camera in body axes: x along the view, y left, z up."""
-        return self._parse_pose(f"camera{camera}", "cords")
+        return self.parse_pose(f"camera{camera}", "cords")
 
     def intrinsic(self, camera: int) -> NDArray[np.float64]:
         """Return the pinhole matrix (3, 3) in pixels; optical axes x right, y down, z ahead."""
@@ -478,8 +480,8 @@ class AgentView:
         with report_read_errors(self.path(".yaml"), self.hint):
             return RollingCamera(
                 readout_s=float(self._get_described(name, "readout")),
-                upper=self._parse_pose(name, "cords_upper_edge"),
-                lower=self._parse_pose(name, "cords_lower_edge"),
+                upper=self.parse_pose(name, "cords_upper_edge"),
+                lower=self.parse_pose(name, "cords_lower_edge"),
             )
 
     def row_times(self, camera: int) -> NDArray[np.float64]:
@@ -553,7 +555,8 @@ class AgentView:
         """Return the path of this agent's file in this frame with that suffix, as `.pcd`."""
         return self._stem.with_name(self._stem.name + suffix)
 
-    def _parse_pose(self, *keys: str) -> Matrix:
+    def parse_pose(self, *keys: str) -> Matrix:
+        """Parse the pose (4, 4) under some keys of `description`, such as `radar0_pose`."""
         with report_read_errors(self.path(".yaml"), self.hint):
             return matrix_from_carla_pose(self._get_described(*keys))
 

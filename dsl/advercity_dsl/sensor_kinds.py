@@ -118,8 +118,9 @@ def load_sensor_kinds() -> SensorKinds:
 
 def _load_kind(name: str, values: Sequence[str]) -> SensorKind:
     """Load the one record that claims a name; ValueError if there is none of that name."""
-    if name in CORE_KINDS or len(values) > 1:
-        raise ValueError(f"the name is claimed by {', '.join(values)}; uninstall all but one")
+    claims = [*(["advercity"] if name in CORE_KINDS else []), *values]
+    if len(claims) > 1:
+        raise ValueError(f"the name is claimed by {', '.join(claims)}; uninstall all but one")
     kind = load_named(values[0])
     if not isinstance(kind, SensorKind) or kind.name != name:
         raise ValueError(f"{values[0]} is no SensorKind with the name '{name}'")

@@ -184,6 +184,32 @@ def test_any_order_of_frames_gives_the_same_bytes(
     assert len(first) == 8
 
 
+def test_a_scan_is_read_as_it_was_measured(dataset: Path) -> None:
+    view = Scenario(dataset)[1]["cav1"]
+    scan, table = view.read("radar", 1), view.load_radar(1)
+    assert view.count("radar") == 2
+    np.testing.assert_array_equal(scan.detections.points[:, 1], table["y"])
+    np.testing.assert_array_equal(scan.cube.power_db, view.load_radar_cube(1).power_db)
+    np.testing.assert_array_equal(scan.world_from_radar, view.load_pose("radar", 1))
+    assert len(view.read("lidar").point_cloud.points) == len(view.cloud)
+
+
+@pytest.mark.parametrize(
+    ("kind", "number", "message"),
+    [
+        ("sonar", 0, "there is no kind of sensor 'sonar'; there are camera, lidar, radar"),
+        ("radar", 2, "cav1 has radars 0 to 1; there is no radar 2"),
+        ("thermal", 0, "cav1 has no thermal"),
+        ("gnss", 0, "sensors of kind 'gnss' have no pose of their own"),
+    ],
+)
+def test_sensors_that_are_not_there_have_no_pose(
+    dataset: Path, kind: str, number: int, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        Scenario(dataset)[0]["cav1"].load_pose(kind, number)
+
+
 def test_radar_files_are_verified_repaired_and_replayed(dataset: Path, tmp_path: Path) -> None:
     assert verify_dataset(dataset.parent) == []
     write_recording(dataset, tmp_path / "again.rrd")
