@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import sumo
-from advercity_dsl.sensor_kinds import CORE_KINDS, load_sensor_kinds
+from advercity_dsl.sensor_kinds import load_sensor_kinds
 
 from advercity import __version__
 from advercity.assets.catalogue import load_catalogue_blueprints
@@ -80,11 +80,10 @@ def _check_backend(name: str) -> str:
 
 def _check_sensors() -> Iterator[CheckResult]:
     """Check the kinds of sensors of other distributions."""
-    found, broken = load_sensor_kinds()
-    for name in found.keys() - CORE_KINDS.keys():
-        yield f"sensor {name}", True, found[name].files.partition(":")[0]
-    for name, reason in broken.items():
-        yield f"sensor {name}", False, reason
+    kinds = load_sensor_kinds()
+    for name, distribution in kinds.distributions.items():
+        reason = kinds.broken.get(name)
+        yield f"sensor {name}", reason is None, reason or f"{distribution} {version(distribution)}"
 
 
 def _check_packages() -> Iterator[CheckResult]:

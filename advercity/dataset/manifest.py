@@ -9,6 +9,7 @@ from typing import Literal, Self
 import numpy as np
 from advercity_dsl import Model, Spec
 from advercity_dsl.base import is_empty
+from advercity_dsl.sensor_kinds import CORE_KINDS, load_sensor_kinds
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from advercity import __version__
@@ -82,7 +83,8 @@ class Identity(Model):
         vector_instructions: Of the processor, as `find_vector_instructions` names them.
         rounding_sha256: Checksum of how NumPy, OpenBLAS and glibc round here; empty in older ones.
         code_sha256: Checksum of the sources of `CODE_PACKAGES`, which may change between versions.
-        versions: Versions of advercity and of `VERSIONED_PACKAGES`.
+        versions: Versions of advercity, of `VERSIONED_PACKAGES`, and of packages whose sensors the
+            spec has.
     """
 
     spec: str
@@ -148,7 +150,7 @@ class Identity(Model):
             rounding_sha256=compute_rounding_digest(),
             code_sha256=compute_source_digest(*CODE_PACKAGES),
             versions={"advercity": __version__}
-            | {name: version(name) for name in VERSIONED_PACKAGES},
+            | {name: version(name) for name in (*VERSIONED_PACKAGES, *_list_sensor_packages(spec))},
         )
 
     def list_differences(self, other: "Identity") -> list[str]:
@@ -293,6 +295,16 @@ class Manifest(Model):
         except ValidationError as error:
             message = f"not a manifest of this version: {_format_first_error(error)}"
             raise RunError(f"{where}: {message}; {REMEDY}") from error
+
+
+def _list_sensor_packages(spec: Spec) -> set[str]:
+    """List the distributions of others whose sensors a spec has."""
+    kinds = load_sensor_kinds()
+    return {
+        kinds.distributions[kind]
+        for kind in kinds.found.keys() - CORE_KINDS.keys()
+        if any(agent.sensors.list_sensors(kind) for agent in spec.agents)
+    }
 
 
 def _format_first_error(error: ValidationError) -> str:

@@ -95,10 +95,14 @@ CORE_KINDS = {
 
 
 class SensorKinds(NamedTuple):
-    """Kinds by name, and why others that are registered cannot be used."""
+    """Kinds by name, why others that are registered cannot be used, and whose those of others are.
+
+    `distributions` has the name of the distribution that registers a kind.
+    """
 
     found: Mapping[str, SensorKind]
     broken: Mapping[str, str]
+    distributions: Mapping[str, str]
 
 
 @cache
@@ -107,13 +111,15 @@ def load_sensor_kinds() -> SensorKinds:
     found, broken = dict(CORE_KINDS), dict[str, str]()
     # By name, since the order in which distributions were installed must decide nothing. One that
     # is found on two paths is listed twice.
-    entries = {(entry.name, entry.value) for entry in entry_points(group=ENTRY_POINT_GROUP)}
-    for name, claims in groupby(sorted(entries), key=itemgetter(0)):
+    entries = entry_points(group=ENTRY_POINT_GROUP)
+    distributions = {entry.name: entry.dist.name if entry.dist else "" for entry in entries}
+    claimed = sorted({(entry.name, entry.value) for entry in entries})
+    for name, claims in groupby(claimed, key=itemgetter(0)):
         try:
             found[name] = _load_kind(name, [value for _, value in claims])
         except (AttributeError, ImportError, ValueError) as error:
             broken[name] = str(error)
-    return SensorKinds(found, broken)
+    return SensorKinds(found, broken, distributions)
 
 
 def _load_kind(name: str, values: Sequence[str]) -> SensorKind:
