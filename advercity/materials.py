@@ -10,6 +10,10 @@ below the 110 GHz from which acrylic is listed; skin: Gabriel et al., Phys. Med.
 of asphalt (4.8 up to 40 GHz in the same table), soil, plants and rubber are assumptions. So are
 roughnesses; slopes of bodies include what meshes leave out.
 
+Slopes of facets at 905 nm are those of Oren and Nayar (Generalization of Lambert's reflectance
+model, SIGGRAPH 1994): 30 deg for wall plaster and 35 deg for sand, as commonly quoted. That of
+asphalt is fitted to a scan of nuScenes (`docs/lidar_calibration.md`); the others are assumptions.
+
 Emissivities from 8 to 14 um are those of handbooks (Gaussorgues, Infrared Thermography, 1994; of
 chrome and bare sheet between polished and oxidised); responses to the sun are assumptions that give
 asphalt 30 K over the air at a summer's noon, and walls and roofs what is commonly measured.
@@ -41,6 +45,24 @@ class Texture(IntEnum):
     ROOM = 16
     SHOP = 17
     """What is seen of a room or a shop behind a pane; by night its lamp may light it."""
+
+
+FACET_SLOPES_DEG = {
+    Texture.ASPHALT: 22.0,
+    Texture.MARKING: 22.0,
+    Texture.PAVING: 20.0,
+    Texture.SLABS: 20.0,
+    Texture.STONE: 25.0,
+    Texture.BRICK: 20.0,
+    Texture.PLASTER: 30.0,
+    Texture.TILES: 20.0,
+    Texture.BARK: 30.0,
+    Texture.SOIL: 35.0,
+    Texture.GRASS: 35.0,
+    Texture.CROPS: 35.0,
+}
+"""Standard deviation of the inclination of facets, by which rough surfaces return more light at
+grazing incidence than Lambert's law says; surfaces of other textures are smooth."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +143,7 @@ class Material:
 
     Attributes:
         albedo: Linear sRGB; a texture varies it over the surface and keeps its mean.
-        reflectance_905nm: Diffuse reflectance at the wavelength of LiDARs.
+        reflectance_905nm: Diffuse reflectance at the wavelength of LiDARs, at normal incidence.
         radar: The surface at 77 GHz.
         thermal: The surface in the infrared.
         roughness: Microfacet roughness of the specular lobe, 0 to 1.
@@ -148,6 +170,11 @@ class Material:
     is_varnished: bool = False
     is_transparent: bool = False
 
+    @property
+    def facet_slope_deg(self) -> float:
+        """Standard deviation of the inclination of its facets at 905 nm; 0 is Lambert's law."""
+        return FACET_SLOPES_DEG.get(self.texture, 0.0)
+
 
 # Snow is no row of the table, since it lies on other surfaces. Its three values are three facts:
 # a landscape has shadows and bare spots, a flake on a lens has none, and snow absorbs infrared.
@@ -156,6 +183,8 @@ SNOWY_LANDSCAPE_ALBEDO = 0.85
 SNOWFLAKE_ALBEDO = 0.9
 """Visible albedo of a flake seen from nearby, as on a lens."""
 SNOW_REFLECTANCE_905NM = 0.8
+SNOW_FACET_SLOPE_DEG = 20.0
+"""Of snow that lies; an assumption."""
 
 TRANSMITTED_BY_LEAVES = 0.4
 """Diffuse light that leaves let through, relative to what they reflect."""

@@ -18,6 +18,7 @@ from advercity_dsl import Lidar, LidarModel
 from pydantic import BaseModel, ConfigDict, JsonValue
 
 from advercity.compiler import find_shipped_library, load_library
+from advercity.materials import MATERIALS
 from advercity.physics.extinction import (
     AirExtinction,
     Extinction,
@@ -32,9 +33,11 @@ from advercity.sensors.lidar.forward_scattering import Diffraction
 from advercity.sensors.lidar.received_power import (
     SIGNAL_TO_NOISE,
     Receiver,
+    compute_rough_lobe,
     daylight_noise_factor,
     detection_margin_sigma,
     range_standard_deviation_m,
+    wet_reflectance_ratio,
 )
 from advercity.sensors.lidar.volume_scattering import (
     LOG_POWER_DEVIATION,
@@ -47,7 +50,9 @@ DROPLET_M = 16e-6
 """Diameter of the droplets of dense fog."""
 SNOW_DENSITY_G_CM3 = 0.1
 CLEAR_PER_M = extinction_from_mor(20_000)
+ASPHALT = MATERIALS["asphalt"]
 MAX_RANGE_M = 500.0
+THIN_FOG_M = 300.0
 
 
 class Measurement(BaseModel):
@@ -66,6 +71,11 @@ class Measurement(BaseModel):
     use: str
     sets: str = ""
     within: float
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether it bounds the model's figure on one side only."""
+        return self.at_most or self.at_least
 
 
 @dataclass(frozen=True)
@@ -87,9 +97,14 @@ class Comparison:
 def compare_all() -> list[Comparison]:
     """Compute the models' figure for every measurement."""
     items = yaml.safe_load((FOLDER / "lidar_measurements.yaml").read_text(encoding="utf-8"))
-    library = load_library(find_shipped_library())
-    lidars = {name: item.lidar for name, item in library.get_declarations(LidarModel).items()}
+    lidars = load_lidars()
     return [_compare(Measurement.model_validate(item), lidars) for item in items]
+
+
+def load_lidars() -> dict[str, Lidar]:
+    """Load the models that ship, by their names."""
+    models = load_library(find_shipped_library()).get_declarations(LidarModel)
+    return {name: model.lidar for name, model in models.items()}
 
 
 def _compare(measurement: Measurement, lidars: dict[str, Lidar]) -> Comparison:
@@ -158,8 +173,29 @@ def _compute_fog_echo_fraction(lidar: Lidar, *, fog_mor_m: float) -> float:
     soft = SoftTarget.from_extinction(fog, per_m, Receiver.from_lidar(lidar))
     assert soft is not None
     levels = np.array([NormalDist().inv_cdf((step + 0.5) / 1000) for step in range(1000)])
-    power = soft.peak_power * np.exp(LOG_POWER_DEVIATION * levels)
+    power = lidar.soft_gain * soft.peak_power * np.exp(LOG_POWER_DEVIATION * levels)
     return float(np.mean([NormalDist().cdf(x) for x in detection_margin_sigma(power)]))
+
+
+def _compute_road_level(lidar: Lidar, *, height_m: float, distance_m: float) -> float:
+    """Compute the level that a sensor at a height above a dry road reports of it."""
+    assert lidar.receiver.white_level is not None
+    cosine = height_m / math.hypot(height_m, distance_m)
+    lobe = compute_rough_lobe(ASPHALT.facet_slope_deg)
+    returned = ASPHALT.reflectance_905nm * (cosine + lobe * (1.0 - cosine**2))
+    return lidar.receiver.white_level * returned
+
+
+def _find_wet_road_m(lidar: Lidar, *, height_m: float) -> float:
+    """Find the distance at which half of the beams onto a soaked road return."""
+    distance_m = np.arange(2.0, 60.0, 0.1)
+    cosine = height_m / np.hypot(height_m, distance_m)
+    dry, lobe = ASPHALT.reflectance_905nm, compute_rough_lobe(ASPHALT.facet_slope_deg)
+    wet = dry * cosine * wet_reflectance_ratio(np.full_like(cosine, dry), cosine, lobe)
+    power = Receiver.from_lidar(lidar).received_power(
+        np.hypot(height_m, distance_m), wet, CLEAR_PER_M
+    )
+    return float(distance_m[power >= 1.0].max())
 
 
 FIGURES: dict[str, Callable[..., float]] = {
@@ -170,6 +206,8 @@ FIGURES: dict[str, Callable[..., float]] = {
     "rain_attenuation": _compute_rain_attenuation,
     "snow_beyond": _compute_snow_fraction_beyond,
     "fog_echoes": _compute_fog_echo_fraction,
+    "road_level": _compute_road_level,
+    "wet_road": _find_wet_road_m,
 }
 
 
@@ -186,17 +224,41 @@ def format_page(comparisons: list[Comparison]) -> str:
             f"| {measured.name} | {bound}{measured.published:g}{unit} | {item.model:.3g}{unit}"
             f" | {use} | {'yes' if item.fits else '**no**'} | {measured.source}{mark} |"
         )
+    fitted, tested, bounds = split_by_use(comparisons)
+    result = (
+        f"Of {len(tested)} predictions of a number, {sum(item.fits for item in tested)} fit. Of"
+        f" {len(bounds)} predictions of a bound, {sum(item.fits for item in bounds)} are met."
+        f" {len(fitted)} figures have set a parameter each, and so test nothing."
+        f" {sum(not item.measurement.read for item in comparisons)} of all {len(comparisons)} are"
+        " as commonly quoted, or aims."
+    )
+    echoes = ", ".join(
+        f"`{name}` {_compute_fog_echo_fraction(lidar, fog_mor_m=63):.2g}"
+        for name, lidar in (load_lidars() | {"default": Lidar()}).items()
+    )
+    remarks = REMARKS.format(
+        echoes=echoes, thin=_compute_fog_echo_fraction(Lidar(), fog_mor_m=THIN_FOG_M)
+    )
+    return "\n".join([HEADING, *lines, "", result, "", remarks])
+
+
+def split_by_use(
+    comparisons: list[Comparison],
+) -> tuple[list[Comparison], list[Comparison], list[Comparison]]:
+    """Split comparisons into fits, predictions of a number, and predictions of a bound."""
     tested = [item for item in comparisons if item.measurement.use == "test"]
-    hits = sum(item.fits for item in tested)
-    result = f"Of {len(tested)} predictions, {hits} fit."
-    return "\n".join([HEADING, *lines, "", result, "", REMARKS])
+    return (
+        [item for item in comparisons if item.measurement.use == "fit"],
+        [item for item in tested if not item.measurement.is_bound],
+        [item for item in tested if item.measurement.is_bound],
+    )
 
 
 HEADING = """# LiDAR models against published figures
 
 Made by `python docs/make_lidar_calibration.py` from `docs/lidar_measurements.yaml`. Rows to *fit*
 have set a parameter of the models' files, `library/nhtsa/lidars`; rows to *test* are predicted.
-`*` marks figures that are as commonly quoted, not read in the source.
+`*` marks figures that are as commonly quoted, not read in the source, and aims.
 
 | figure | published | model | use | fits | source |
 |---|---|---|---|---|---|"""
@@ -211,7 +273,15 @@ REMARKS = """What does not fit, and why:
 - Links through rain receive some of the light that drops diffract. An open receiver would lose
   half of the model's figure.
 
-Not in this table: counts of fog, rain and snow points by named sensors. Those that are published
+Echoes of fog differ most from sensor to sensor, and least is known of them. Fractions of beams into
+fog of 63 m that return by its droplets:
+{echoes}.
+Only the HDL-64E's is measured. Scans of an HDL-32E in thin fog (RADIATE, `fog_6_0`, visibility not
+stated) have returns from 1 to 12 m in one of 10,000 beams to the sky, as the model's have; of
+the default's beams {thin:.0%} would return in fog of 300 m. No public scans of an HDL-32E in fog of
+a measured visibility were found, so `soft_gain` of `hdl_32e` and `vls_128` is an aim.
+
+Not in this table: counts of rain and snow points by named sensors. Those that are published
 depend on settings of the firmware and on targets that are not.
 """
 

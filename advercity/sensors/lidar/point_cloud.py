@@ -118,10 +118,12 @@ def _build_point_cloud(sources: ReturnSources, found: Returns) -> PointCloud:
     """Build the points of reported returns."""
     lidar, scan, streams = sources.lidar, sources.scan, sources.streams
     range_m = _measure_range_m(sources, found)
+    is_kept = (range_m >= lidar.receiver.min_range_m) & (range_m <= lidar.range_m)
     if lidar.dropoff_zero_intensity:
         uniform = streams.uniform(StreamPurpose.DROPOFF, lidar.azimuths * lidar.channels)
-        kept = np.flatnonzero(uniform.take(found.beam) < dropoff_survival_fraction(lidar, range_m))
-        found, range_m = found.select(kept), range_m[kept]
+        is_kept &= uniform.take(found.beam) < dropoff_survival_fraction(lidar, range_m)
+    if not is_kept.all():
+        found, range_m = found.select(is_kept), range_m[is_kept]
     azimuth = found.beam // np.int32(lidar.channels)
     ring = found.beam - azimuth * np.int32(lidar.channels)
     directions = beam_directions(lidar, scan.time)

@@ -13,7 +13,7 @@ from advercity_dsl import Lidar
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import FloatArray
-from advercity.materials import MATERIALS, SNOW_REFLECTANCE_905NM
+from advercity.materials import MATERIALS, SNOW_FACET_SLOPE_DEG, SNOW_REFLECTANCE_905NM
 from advercity.physics.extinction import extinction_from_mor
 from advercity.physics.water import fresnel_reflectance
 from advercity.rendering.raycaster import MATERIAL_NAMES, RayHits
@@ -153,8 +153,24 @@ _WET_BEAD_FACTOR = 0.2
 """Fraction of the beads' retroreflection that remains on a soaked road."""
 
 
+def compute_rough_lobe(facet_slope_deg: float) -> float:
+    """Compute the return of a rough surface at grazing incidence, relative to that facing it.
+
+    A rough surface returns `cos(a) + lobe sin²(a)` of what it returns when it faces the sensor:
+    Oren and Nayar's qualitative model (SIGGRAPH 1994), with source and sensor at one place.
+
+    Args:
+        facet_slope_deg: Standard deviation of the inclination of its Lambertian facets.
+    """
+    variance = math.radians(facet_slope_deg) ** 2
+    facing = 1.0 - 0.5 * variance / (variance + 0.33)
+    return 0.45 * variance / (variance + 0.09) / facing
+
+
 _ROWS = [MATERIALS[name] for name in MATERIAL_NAMES]
 _DIFFUSE = np.array([row.reflectance_905nm for row in _ROWS], np.float32)
+_ROUGH_LOBE = np.array([compute_rough_lobe(row.facet_slope_deg) for row in _ROWS], np.float32)
+_SNOW_LOBE = np.float32(compute_rough_lobe(SNOW_FACET_SLOPE_DEG))
 _VARNISHED = np.array([row.is_varnished for row in _ROWS], np.float32)
 _SHEETING = np.array([row.sheeting_reflectance for row in _ROWS], np.float32)
 _BEADS = np.array([row.bead_reflectance for row in _ROWS], np.float32)
@@ -165,13 +181,15 @@ IS_GLASS = np.array([row.is_transparent for row in _ROWS])
 def effective_reflectance(
     hits: RayHits, *, wetness: float = 0.0, snow_cover: float = 0.0, road_snow_cover: float = 0.0
 ) -> FloatArray:
-    """Compute reflectance at 905 nm times cosine of incidence (n,); above 1 for retroreflectors.
+    """Compute the return of surfaces (n,) relative to that of a white one that faces the sensor.
 
+    A Lambertian surface returns its reflectance times the cosine of incidence, a rough one more at
+    grazing incidence; retroreflectors return more than 1.
     Water films and snow cover surfaces that face up and are under the sky; walls and windows stay
     as they are.
     `wetness` is 0 dry to 1 soaked; covers are fractions of the ground and of carriageways.
     """
-    reflectance = _DIFFUSE.take(hits.material)
+    reflectance, lobe = (table.take(hits.material) for table in (_DIFFUSE, _ROUGH_LOBE))
     upward = (
         hits.keep_exposed(np.clip(hits.normal[:, 2], 0.0, 1.0))
         if wetness or snow_cover or road_snow_cover
@@ -179,20 +197,22 @@ def effective_reflectance(
     )
     if upward is not None and (snow_cover or road_snow_cover):
         on_road = (hits.semantic == Semantic.ROAD) | (hits.semantic == Semantic.ROAD_LINE)
-        cover = np.array([snow_cover, road_snow_cover], np.float32).take(on_road)
-        reflectance = reflectance + upward * cover * (
-            np.float32(SNOW_REFLECTANCE_905NM) - reflectance
-        )
-    effective = reflectance * hits.cosine
+        covered = upward * np.array([snow_cover, road_snow_cover], np.float32).take(on_road)
+        reflectance = reflectance + covered * (np.float32(SNOW_REFLECTANCE_905NM) - reflectance)
+        lobe = lobe + covered * (_SNOW_LOBE - lobe)
+    cosine = hits.cosine
+    # Rays that hit nothing have a cosine of 0.
+    square_sine = (1.0 - cosine * cosine) * (cosine > 0.0)
+    effective = reflectance * (cosine + lobe * square_sine)
     if upward is not None and wetness:
-        wet = wet_reflectance_ratio(reflectance, hits.cosine)
-        effective *= 1.0 + np.float32(wetness) * upward * (wet - 1.0)
+        wet = reflectance * cosine * wet_reflectance_ratio(reflectance, cosine, lobe)
+        effective += np.float32(wetness) * upward * (wet - effective)
     special = np.flatnonzero(~_IS_PLAIN.take(hits.material))
-    wet = wetness
+    film = wetness
     if hits.is_covered is not None:
-        wet = hits.keep_exposed(np.full(len(effective), wetness, np.float32)).take(special)
+        film = hits.keep_exposed(np.full(len(effective), wetness, np.float32)).take(special)
     effective[special] += _special_reflectance(
-        hits.material.take(special), hits.cosine.take(special), wet
+        hits.material.take(special), hits.cosine.take(special), film
     )
     return effective
 
@@ -212,13 +232,21 @@ def _special_reflectance(
     )
 
 
-def wet_reflectance_ratio(reflectance: FloatArray, cosine: FloatArray) -> FloatArray:
-    """Compute the return (n,) of a target under a film of water, relative to the same target dry.
+def wet_reflectance_ratio(
+    reflectance: FloatArray, cosine: FloatArray, rough_lobe: FloatArray | float = 0.0
+) -> FloatArray:
+    """Compute the return (n,) of a target under a film of water, relative to a Lambertian dry one.
 
     Light crosses the surface twice and is partly absorbed after internal reflection (Angstrom
-    1925; Lekner and Dorf 1988); at grazing incidence most of it is reflected away.
+    1925; Lekner and Dorf 1988); at grazing incidence most of it is reflected away. Water refracts
+    it towards the normal, so that little is left of the lobe of a rough target.
     """
+    index_squared = WATER_REFRACTIVE_INDEX_905NM**2
     transmitted = 1.0 - fresnel_reflectance(cosine, WATER_REFRACTIVE_INDEX_905NM)
-    return transmitted**2 / (
-        WATER_REFRACTIVE_INDEX_905NM**2 * (1.0 - reflectance * _WATER_INTERNAL_REFLECTANCE_905NM)
+    square_sine = (1.0 - cosine * cosine) / np.float32(index_squared)
+    rough = 1.0 + rough_lobe * square_sine / np.sqrt(1.0 - square_sine)
+    return (
+        rough
+        * transmitted**2
+        / (index_squared * (1.0 - reflectance * _WATER_INTERNAL_REFLECTANCE_905NM))
     )

@@ -2,6 +2,7 @@
 
 import math
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -266,6 +267,21 @@ def test_returns_from_too_near_are_discarded() -> None:
     lidar = ideal("vls_128")
     assert not len(measure(lidar, panel(0.9, lidar)).points)
     assert len(measure(lidar, panel(1.1, lidar)).points) == lidar.azimuths * 128
+
+
+@pytest.mark.parametrize("wall_m", [1.0, 60.0])
+@pytest.mark.parametrize("weather", [{}, {"fog": {"mor_m": 30}}])
+def test_no_reported_range_is_outside_the_limits(wall_m: float, weather: dict[str, Any]) -> None:
+    """Noise moves returns from either end over it, and they are not reported."""
+    lidar = vary(MODELS["os1_64"], **FEW, range_m=60, soft_gain=1)
+    limits = lidar.receiver.model_dump() | {"min_range_m": 1.0}
+    found = measure(vary(lidar, receiver=limits), panel(wall_m, lidar, "plaster"), **weather)
+    assert found.range_m.min(initial=1.0) >= 1.0
+    assert found.range_m.max(initial=60.0) <= 60.0
+    if not weather:
+        # Half of them are on either side.
+        returned = len(found.points) / (lidar.azimuths * lidar.channels)
+        assert 0.3 < returned < 0.7
 
 
 def test_a_longer_near_field_keeps_the_range_and_suppresses_fog() -> None:
