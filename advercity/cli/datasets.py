@@ -1,14 +1,15 @@
 """Commands about datasets."""
 
-from collections.abc import Iterable
+import re
+from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from advercity.cli.arguments import DatasetArgument, LayoutOption, split_names
 from advercity.cli.output import print_data, print_remark, print_unread
-from advercity.errors import RunError
+from advercity.errors import InputError, RunError
 
 if TYPE_CHECKING:
     from advercity.dataset.verification import FileProblem
@@ -268,29 +269,78 @@ def split(
     output: Annotated[Path, typer.Option(help="Folder for the splits.", file_okay=False)] = Path(
         "splits"
     ),
-    train: Annotated[str, typer.Option(help="Roads of this split.")] = "ri,rsnj,unj",
-    validate: Annotated[str, typer.Option(help="Roads of this split.")] = "rcnj",
-    test: Annotated[str, typer.Option(help="Roads of this split.")] = "ui",
+    by: Annotated[
+        Literal["road", "scene", "seed", "density", "weather", "time"] | None,
+        typer.Option(
+            help="Property that splits go by; scenarios of a scene have one traffic.",
+            show_default="road; with --share, scene",
+        ),
+    ] = None,
+    train: Annotated[
+        str | None, typer.Option(help="Values in this split.", show_default="of roads: ri,rsnj,unj")
+    ] = None,
+    validate: Annotated[
+        str | None, typer.Option(help="Values in this split.", show_default="of roads: rcnj")
+    ] = None,
+    test: Annotated[
+        str | None, typer.Option(help="Values in this split.", show_default="of roads: ui")
+    ] = None,
+    share: Annotated[
+        str | None,
+        typer.Option(metavar="A,B,C", help="Draw splits of these shares, such as 70,15,15."),
+    ] = None,
 ) -> None:
-    """Link scenarios into train, validate and test by their roads.
+    """Link scenarios into train, validate and test, by road or by another property.
 
-    Roads of a split are separated by commas.
+    Values of a split are separated by commas. With `--share`, scenarios that have the property in
+    common stay in one split.
     """
-    from advercity.dataset.index import link_splits as link
+    from advercity.dataset.splits import PUBLISHED_SPLITS, link_shares, link_splits
 
-    roads = {"train": train, "validate": validate, "test": test}
-    found = link(dataset, output, {name: split_names(text) for name, text in roads.items()})
+    named = {"train": train, "validate": validate, "test": test}
+    if share is not None:
+        if any(text is not None for text in named.values()):
+            raise InputError("`--share` draws the values of splits; leave out their names")
+        found = link_shares(dataset, output, _parse_shares(share, named), by=by or "scene")
+    else:
+        by = by or "road"
+        if by != "road" and all(text is None for text in named.values()):
+            raise InputError(f"name the values of {by} of each split, or give `--share 70,15,15`")
+        defaults = PUBLISHED_SPLITS if by == "road" else {}
+        values = {
+            name: defaults.get(name, ()) if text is None else split_names(text)
+            for name, text in named.items()
+        }
+        found = link_splits(dataset, output, values, by=by)
     for name, members in found.items():
         print_data(f"{output / name}: {len(members)}")
+
+
+def _parse_shares(text: str, splits: Collection[str]) -> dict[str, float]:
+    parts = text.split(",")
+    if len(parts) != len(splits) or not all(re.fullmatch(r"[0-9]{1,3}", part) for part in parts):
+        raise InputError(f"--share {text}: is no {len(splits)} percentages; write 70,15,15")
+    shares = dict(zip(splits, map(float, parts), strict=True))
+    if not sum(shares.values()):
+        raise InputError(f"--share {text}: at least one split needs a share")
+    return shares
 
 
 @commands.command()
 def sheet(
     scenario: Annotated[Path, typer.Argument(help="A scenario of a dataset.")],
     output: Annotated[Path, typer.Option(help="Image file to write.")] = Path("contact_sheet.png"),
+    frame: Annotated[
+        str | None,
+        typer.Option(help="Name of the frame, such as 000060.", show_default="the middle one"),
+    ] = None,
+    agents: Annotated[
+        str | None, typer.Option(help="Agents, separated by commas.", show_default="all")
+    ] = None,
 ) -> None:
     """Put all cameras of one frame on a contact sheet."""
     from advercity.dataset.overview_images import write_contact_sheet
 
-    write_contact_sheet(scenario, output)
+    chosen = None if agents is None else split_names(agents)
+    write_contact_sheet(scenario, output, frame=frame, agents=chosen)
     print_data(str(output))

@@ -5,17 +5,15 @@ a folder of links to scenarios, which loaders take as their root.
 """
 
 import hashlib
-import json
-import os
-from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
 from advercity_dsl import Id, Model, Spec
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
-from advercity.atomic_files import move_file, resolve_links, write_file
+from advercity.atomic_files import move_file, write_file
 from advercity.dataset.manifest import Manifest, compute_spec_digest
 from advercity.dataset.partial_files import (
     find_partial_file,
@@ -25,16 +23,11 @@ from advercity.dataset.partial_files import (
 )
 from advercity.dataset.scenario_folders import (
     MANIFEST_FILE,
-    SPLITS_FILE,
     check_folders_are_no_links,
-    check_is_outside_datasets,
-    check_is_outside_exports,
-    find_scenarios_by_name,
     find_staging_folder,
 )
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import InputError, RunError, describe_cause
-from advercity.output_files import check_link, check_output, make_links, write_output
 
 INDEX_FILE = "index.json"
 
@@ -237,109 +230,3 @@ class IndexWriter:
                 move_file(partial, path)
             finally:
                 remove_staging_folder(path)
-
-
-PUBLISHED_SPLITS = {"train": ("ri", "rsnj", "unj"), "validate": ("rcnj",), "test": ("ui",)}
-"""Roads by split, as Adver-City was published."""
-_SPLITS = TypeAdapter(dict[str, list[str]])
-
-
-def link_splits(
-    dataset: Path, output: Path, roads: Mapping[str, Sequence[str]] = PUBLISHED_SPLITS
-) -> dict[str, list[str]]:
-    """Link every scenario into `output/<split>/`, and write an index; return scenarios by split.
-
-    Nothing is copied. Calling it again updates the links.
-
-    Raises:
-        InputError: Two scenarios have one name, a road belongs to no split, or to two, or is
-            neither the dataset's nor a published one, or `output` is in a dataset or an export, or
-            has a `splits.json` or a link that was not made by this, or something else there;
-            nothing is changed then.
-        RunError: The links cannot be made.
-    """
-    split_of = _map_roads_to_splits(roads)
-    folders = find_scenarios_by_name(dataset)
-    check_is_outside_datasets(output)
-    check_is_outside_exports(output)
-    found: dict[str, list[str]] = {name: [] for name in roads}
-    road_of = {name: Manifest.load(folder).spec.road.id for name, folder in folders.items()}
-    _check_roads_are_known(roads, {*road_of.values()}, dataset)
-    for name, folder in folders.items():
-        road = road_of[name]
-        if road not in split_of:
-            raise InputError(f"{folder}: road '{road}' is in no split; name it in one")
-        found[split_of[road]].append(name)
-    try:
-        _link_folders(folders, found, output)
-    except OSError as error:
-        where = error.filename2 or error.filename or output  # of a link, the second is its place
-        raise RunError(f"{where}: cannot be written: {describe_cause(error)}") from error
-    return found
-
-
-def _map_roads_to_splits(roads: Mapping[str, Sequence[str]]) -> dict[str, str]:
-    names = [road for chosen in roads.values() for road in chosen]
-    twice = sorted({road for road in names if names.count(road) > 1})
-    if twice:
-        raise InputError(f"road '{twice[0]}' is named twice; leave it in one split, once")
-    return {road: name for name, chosen in roads.items() for road in chosen}
-
-
-def _check_roads_are_known(
-    roads: Mapping[str, Sequence[str]], known: Collection[str], dataset: Path
-) -> None:
-    """Refuse roads that are a slip of the pen; of a part of a dataset, published ones may lack."""
-    published = {road for group in PUBLISHED_SPLITS.values() for road in group}
-    for split, chosen in roads.items():
-        for road in chosen:
-            if road not in known and road not in published:
-                raise InputError(
-                    f"{split}: no scenario of {dataset} is on a road '{road}';"
-                    f" its roads are {', '.join(sorted(known))}"
-                )
-
-
-def _link_folders(folders: dict[str, Path], found: dict[str, list[str]], output: Path) -> None:
-    path, content = output / SPLITS_FILE, json.dumps(found, indent=1).encode() + b"\n"
-    check_output(path, hashlib.sha256(content).hexdigest())
-    links = {
-        # Relative, so that dataset and splits can be moved together.
-        output / split / name: os.path.relpath(
-            resolve_links(folders[name]), resolve_links(output / split)
-        )
-        for split, names in found.items()
-        for name in names
-    }
-    former = _load_splits(path)
-    stale = {output / split / name for split, names in former.items() for name in names} - {*links}
-    for link in (*links, *stale):
-        check_link(link, links.get(link))
-    with _create_folders([output / split for split in found]):
-        for link in stale:
-            link.unlink(missing_ok=True)
-        make_links(links)
-        write_output(path, content)
-
-
-@contextmanager
-def _create_folders(folders: Sequence[Path]) -> Generator[None]:
-    """Create folders; after an error, those of them that are new and empty are removed."""
-    wanted = dict.fromkeys(path for folder in folders for path in (folder, *folder.parents))
-    missing = sorted((path for path in wanted if not os.path.lexists(path)), reverse=True)
-    try:
-        for folder in folders:
-            folder.mkdir(parents=True, exist_ok=True)
-        yield
-    except OSError:
-        for path in missing:
-            with suppress(OSError):
-                path.rmdir()
-        raise
-
-
-def _load_splits(path: Path) -> dict[str, list[str]]:
-    """Load the scenarios that were linked last, by split; empty if none were."""
-    with suppress(OSError, InputError, ValidationError):
-        return _SPLITS.validate_python(parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path))
-    return {}

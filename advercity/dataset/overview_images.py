@@ -7,6 +7,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from advercity_dsl.base import suggest_name
 from numpy.typing import NDArray
 
 from advercity.dataset.agent_view import AgentView
@@ -194,8 +195,10 @@ def _tile_images(images: Sequence[Uint8Array]) -> Uint8Array:
     return np.vstack(rows)
 
 
-def write_contact_sheet(path: Path, output: Path) -> None:
-    """Write an image of the frame in the middle of a scenario, with a row per agent.
+def write_contact_sheet(
+    path: Path, output: Path, *, frame: str | None = None, agents: Sequence[str] | None = None
+) -> None:
+    """Write an image of a frame of a scenario, with a row per agent.
 
     A row has all cameras from the left over the front to the rear, the classes of the front one,
     and the LiDAR from above.
@@ -203,21 +206,39 @@ def write_contact_sheet(path: Path, output: Path) -> None:
     Args:
         path: Folder of one scenario.
         output: File to write.
+        frame: Name of the frame; by default the one in the middle.
+        agents: Names of agents; by default all.
 
     Raises:
-        InputError: The scenario has no frames, or the file cannot be written.
+        InputError: The scenario has no frames, not this frame or not these agents, or the file
+            cannot be written.
     """
     scenario = Scenario(path)
     if not len(scenario):
         raise no_frames_error(path)
-    frame = scenario[len(scenario) // 2]
+    shown = scenario[len(scenario) // 2] if frame is None else _find_frame(scenario, frame, path)
     rows = [
-        _draw_contact_row(view, f"{agent}  frame {frame.name}")
-        for agent, view in frame.views.items()
+        _draw_contact_row(shown.views[agent], f"{agent}  frame {shown.name}")
+        for agent in _select_agents(shown, agents, path)
     ]
     width = max(row.shape[1] for row in rows)
     padded = [np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0))) for row in rows]
     write_image(np.vstack(padded)[..., ::-1], output)
+
+
+def _find_frame(scenario: Scenario, name: str, path: Path) -> FrameView:
+    found = next((item for item in scenario if item.name == name), None)
+    if found is None:
+        first, last = scenario[0].name, scenario[len(scenario) - 1].name
+        raise InputError(f"{path}: has no frame '{name}'; its frames are {first} to {last}")
+    return found
+
+
+def _select_agents(frame: FrameView, agents: Sequence[str] | None, path: Path) -> Sequence[str]:
+    for name in agents or ():
+        if name not in frame.views:
+            raise InputError(f"{path}: has no agent '{name}'; {suggest_name(name, frame.views)}")
+    return agents or list(frame.views)
 
 
 def _draw_contact_row(view: AgentView, name: str) -> Uint8Array:

@@ -1,12 +1,10 @@
 """The index of a set of scenarios."""
 
-import errno
 import json
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import pytest
 from advercity_dsl import Spec
@@ -14,18 +12,14 @@ from advercity_dsl import Spec
 from advercity.dataset.index import (
     EMPTY_INDEX,
     INDEX_FILE,
-    PUBLISHED_SPLITS,
     DatasetIndex,
     IndexWriter,
-    link_splits,
 )
-from advercity.dataset.overview_images import write_videos
-from advercity.dataset.reader import open_dataset
 from advercity.dataset.remote import verify_store
 from advercity.dataset.verification import verify_dataset
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
-from tests.builders import TWO_ROADS_FRAMES, SensorFramesOf, identify
+from tests.builders import SensorFramesOf, identify
 
 LENGTH = 2
 
@@ -240,147 +234,6 @@ def test_hidden_files_of_others_in_a_dataset_stay(spec: Spec, make: Make, tmp_pa
     assert not (tmp_path / ".staging").exists()
 
 
-def test_scenarios_are_linked_by_road(two_roads: Path, tmp_path: Path) -> None:
-    found = link_splits(two_roads, tmp_path)
-    expected = {
-        "train": [],
-        "validate": ["rcnj_fog_day_sparse"],
-        "test": ["ui_clear_night_dense"],
-    }
-    assert found == expected
-    assert json.loads((tmp_path / "splits.json").read_text()) == expected
-    assert (tmp_path / "test" / "ui_clear_night_dense" / "+101" / "000060.pcd").is_file()
-    assert verify_dataset(tmp_path) == []
-    assert len(open_dataset(tmp_path)) == 2 * TWO_ROADS_FRAMES
-
-
-def test_two_scenarios_of_one_name_are_reported_and_neither_is_left_out(
-    two_roads: Path, tmp_path: Path
-) -> None:
-    (tmp_path / "both").mkdir()
-    for name in ("first", "second"):
-        (tmp_path / "both" / name).symlink_to(two_roads)
-    for command in (link_splits, write_videos):
-        with pytest.raises(InputError, match=r"second/\w+: has the name of .*first/"):
-            command(tmp_path / "both", tmp_path / "output")
-    assert not (tmp_path / "output").exists()
-
-
-def test_a_scenario_that_is_the_current_folder_goes_by_its_name(
-    two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(two_roads / "ui_clear_night_dense")
-    assert link_splits(Path(), tmp_path)["test"] == ["ui_clear_night_dense"]
-    assert (tmp_path / "test" / "ui_clear_night_dense" / "manifest.json").is_file()
-
-
-def test_repeats_of_a_road_are_in_one_split(spec: Spec, make: Make, tmp_path: Path) -> None:
-    """Their traffic differs, their place does not: a network would know it from training."""
-    repeats = [f"{spec.id}_r{number}" for number in (1, 2, 3)]
-    for name in repeats:
-        make(tmp_path / "dataset", spec.model_copy(update={"id": name}), LENGTH)
-    found = link_splits(tmp_path / "dataset", tmp_path / "splits")
-    assert found == {"train": [], "validate": repeats, "test": []}
-
-
-def test_links_are_updated(two_roads: Path, tmp_path: Path) -> None:
-    link_splits(two_roads, tmp_path)
-    link_splits(two_roads, tmp_path, {"train": ["ui"], "validate": ["rcnj"], "test": []})
-    assert [path.name for path in (tmp_path / "train").iterdir()] == ["ui_clear_night_dense"]
-    assert list((tmp_path / "test").iterdir()) == []
-
-
-def test_links_and_files_of_others_stay_in_a_split(two_roads: Path, tmp_path: Path) -> None:
-    (tmp_path / "mine").mkdir()
-    link_splits(two_roads, tmp_path)
-    (tmp_path / "train" / "mine").symlink_to(tmp_path / "mine")
-    (tmp_path / "train" / "notes.txt").write_text("mine")
-    link_splits(two_roads, tmp_path)
-    assert {path.name for path in (tmp_path / "train").iterdir()} == {"mine", "notes.txt"}
-    assert len(list((tmp_path / "test").iterdir())) == 1
-
-
-def test_a_link_of_the_user_stays_though_the_program_made_one_like_it_elsewhere(
-    two_roads: Path, tmp_path: Path
-) -> None:
-    link_splits(two_roads, tmp_path / "made")
-    made = tmp_path / "made" / "test" / "ui_clear_night_dense"
-    mine = tmp_path / "mine" / "test" / "ui_clear_night_dense"
-    mine.parent.mkdir(parents=True)
-    mine.symlink_to(made.readlink())
-    (tmp_path / "copies").mkdir()
-    for folder in two_roads.iterdir():
-        if folder.is_dir():
-            shutil.copytree(folder, tmp_path / "copies" / folder.name)
-
-    with pytest.raises(InputError, match="no record that advercity made this link"):
-        link_splits(tmp_path / "copies", tmp_path / "mine")
-    assert mine.readlink() == made.readlink()
-    link_splits(two_roads, tmp_path / "mine")
-
-
-@pytest.mark.parametrize(
-    "text", ['{"train": ["mine"], "test": []}', '{"train": [], "test": []}', "{}", "[1]", "mine"]
-)
-def test_a_list_of_splits_of_others_stays(two_roads: Path, tmp_path: Path, text: str) -> None:
-    (tmp_path / "splits.json").write_text(text)
-    with pytest.raises(InputError, match=r"splits\.json: exists, and there is no record"):
-        link_splits(two_roads, tmp_path)
-    assert (tmp_path / "splits.json").read_text() == text
-
-
-@pytest.mark.parametrize("target", ["../mine", "../elsewhere/ui_clear_night_dense"])
-@pytest.mark.parametrize("roads", [PUBLISHED_SPLITS, {"train": ["ui"], "test": ["rcnj"]}])
-def test_a_link_to_something_else_stays_where_one_of_a_split_was(
-    two_roads: Path, tmp_path: Path, target: str, roads: dict[str, list[str]]
-) -> None:
-    link_splits(two_roads, tmp_path)
-    link = tmp_path / "test" / "ui_clear_night_dense"
-    link.unlink()
-    link.symlink_to(target)
-    with pytest.raises(InputError, match=f"^{link}: exists, and there is no record .* this link"):
-        link_splits(two_roads, tmp_path, roads)
-    assert str(link.readlink()) == target
-    assert (tmp_path / "validate" / "rcnj_fog_day_sparse").is_symlink()
-
-
-def test_a_file_in_place_of_a_link_is_named(two_roads: Path, tmp_path: Path) -> None:
-    (tmp_path / "test").mkdir()
-    mine = tmp_path / "test" / "ui_clear_night_dense"
-    mine.write_text("mine")
-    for _ in range(2):
-        with pytest.raises(
-            InputError, match=f"^{mine}: exists, and there is no record .* this link"
-        ):
-            link_splits(two_roads, tmp_path)
-        assert list(tmp_path.rglob("*")) == [mine.parent, mine]
-    assert mine.read_text() == "mine"
-
-
-def test_a_call_that_was_cut_short_is_completed_by_the_next(
-    two_roads: Path, tmp_path: Path
-) -> None:
-    found = link_splits(two_roads, tmp_path)
-    (tmp_path / "splits.json").unlink()
-    (tmp_path / "validate" / "rcnj_fog_day_sparse").unlink()
-    assert link_splits(two_roads, tmp_path) == found
-    assert len(open_dataset(tmp_path)) == 2 * TWO_ROADS_FRAMES
-
-
-def test_a_doctored_list_of_splits_deletes_no_link_elsewhere(
-    two_roads: Path, tmp_path: Path
-) -> None:
-    output, mine = tmp_path / "splits", tmp_path / "mine" / "link"
-    link_splits(two_roads, output)
-    mine.parent.mkdir()
-    mine.symlink_to(two_roads)
-    text = json.dumps({"../mine": ["link"], "test": ["../../mine/link"]})
-    (output / "splits.json").write_text(text)
-    with pytest.raises(InputError, match="exists, and there is no record"):
-        link_splits(two_roads, output)
-    assert mine.is_symlink()
-
-
 def test_a_failed_scenario_whose_manifest_is_lost_is_reported(
     spec: Spec, others: list[Spec], make: Make, tmp_path: Path
 ) -> None:
@@ -397,20 +250,6 @@ def test_a_failed_scenario_whose_manifest_is_lost_is_reported(
     assert list(map(str, verify_store(str(tmp_path)))) == ["other_0/manifest.json: missing"]
 
 
-@pytest.mark.parametrize(
-    ("roads", "message"),
-    [
-        ({"train": ["rcnj"]}, "road 'ui' is in no split"),
-        ({"train": ["ui", "rcnj"], "test": ["ui"]}, "road 'ui' is named twice"),
-    ],
-)
-def test_a_road_belongs_to_one_split(
-    two_roads: Path, tmp_path: Path, roads: dict[str, list[str]], message: str
-) -> None:
-    with pytest.raises(InputError, match=message):
-        link_splits(two_roads, tmp_path, roads)
-
-
 def test_an_index_that_is_a_link_is_refused_and_called_a_file(spec: Spec, tmp_path: Path) -> None:
     dataset, shared = tmp_path / "data", tmp_path / "shared.json"
     dataset.mkdir()
@@ -419,21 +258,3 @@ def test_an_index_that_is_a_link_is_refused_and_called_a_file(spec: Spec, tmp_pa
     with pytest.raises(RunError, match="put the file itself in place of the link"):
         IndexWriter(dataset, [spec])
     assert shared.read_bytes() == EMPTY_INDEX.to_json()
-
-
-def test_splits_that_cannot_be_made_leave_no_empty_folder(
-    two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As with a umask that takes all rights: the first folder is made, and none in it."""
-    make = Path.mkdir
-
-    def make_or_refuse(path: Path, *rest: Any, **more: Any) -> None:
-        if path.parent == tmp_path / "new":
-            make(path.parent)
-            raise PermissionError(errno.EACCES, "Permission denied", str(path))
-        make(path, *rest, **more)
-
-    monkeypatch.setattr(Path, "mkdir", make_or_refuse)
-    with pytest.raises(RunError, match="train: cannot be written: Permission denied"):
-        link_splits(two_roads, tmp_path / "new")
-    assert not list(tmp_path.iterdir())

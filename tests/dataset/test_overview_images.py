@@ -112,6 +112,30 @@ def test_a_row_of_a_sheet_goes_from_left_over_front_to_rear(spec: Spec, tmp_path
         np.testing.assert_array_equal(drawn[20:212, 384 * cell : 384 * (cell + 1)], wanted)
 
 
+def test_a_sheet_shows_the_frame_and_agents_that_are_asked_for(
+    two_roads: Path, tmp_path: Path
+) -> None:
+    scenario = two_roads / "ui_clear_night_dense"
+    frames = open_dataset(scenario)
+    agents = list(frames[0].views)
+    last_name = frames[len(frames) - 1].name
+
+    write_contact_sheet(scenario, tmp_path / "middle.png")
+    write_contact_sheet(scenario, tmp_path / "last.png", frame=last_name)
+    write_contact_sheet(scenario, tmp_path / "one.png", agents=agents[-1:])
+
+    whole, last, one = (cv2.imread(str(tmp_path / f"{it}.png")) for it in ("middle", "last", "one"))
+    assert whole is not None and last is not None and one is not None
+    assert whole.shape == last.shape and (whole != last).any()
+    np.testing.assert_array_equal(one, whole[-one.shape[0] :, : one.shape[1]])
+
+    known = f"its frames are {frames[0].name} to {last_name}"
+    with pytest.raises(InputError, match=f"has no frame '7'; {known}"):
+        write_contact_sheet(scenario, tmp_path / "no.png", frame="7")
+    with pytest.raises(InputError, match=f"has no agent 'cav9'; .*{agents[0]}"):
+        write_contact_sheet(scenario, tmp_path / "no.png", agents=["cav9"])
+
+
 def test_a_video_of_the_front_shows_the_camera_that_looks_ahead(spec: Spec, tmp_path: Path) -> None:
     view = open_dataset(write_rigs(spec, tmp_path, (180, 90, 20)))[0]["cav1"]
     assert overview_images.find_front_camera(view) == 2

@@ -17,9 +17,9 @@ from advercity.atomic_files import format_partial_name, move_file
 from advercity.cli.datasets import EXPORT_FORMAT_NAMES
 from advercity.compiler import write_specs
 from advercity.dataset.agent_view import AgentView
-from advercity.dataset.index import link_splits
 from advercity.dataset.partial_files import lock_scenario
 from advercity.dataset.reader import FrameView
+from advercity.dataset.splits import link_splits
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
 from advercity.exports import export_folder, kitti
