@@ -107,6 +107,15 @@ def test_each_engine_has_one_home(library: str, home: set[str]) -> None:
     assert users <= home
 
 
+def test_files_of_sensors_load_nothing_that_measures_or_shows() -> None:
+    code = (
+        "import sys; from advercity.dataset.sensor_files import load_all_files; load_all_files();"
+    )
+    code += "print([name for name in sys.modules if 'driver' in name or '.viewer' in name])"
+    child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert child.stdout.strip() == "[]"
+
+
 def test_a_worker_loads_no_library_that_its_run_may_do_without() -> None:
     libraries = {"rerun", "trimesh", "ray", "pandas", "matplotlib"}
     code = f"import sys, advercity.pipeline.worker_process; print({libraries} & {{*sys.modules}})"

@@ -162,12 +162,12 @@ class AgentView:
     @property
     def cameras(self) -> int:
         """Number of cameras that the agent carries."""
-        return len(self.agent.sensors.cameras)
+        return self.count("camera")
 
     @property
     def lidars(self) -> int:
         """Number of LiDARs that the agent carries."""
-        return len(self.agent.sensors.lidars)
+        return self.count("lidar")
 
     def image(self, camera: int) -> NDArray[np.uint8]:
         """Read the RGB image (h, w, 3) of a camera."""
@@ -286,7 +286,7 @@ class AgentView:
     @property
     def radars(self) -> int:
         """Number of radars that the agent carries."""
-        return len(self.agent.sensors.radars)
+        return self.count("radar")
 
     @property
     def radar(self) -> NDArray[np.void]:
@@ -317,7 +317,7 @@ class AgentView:
     @property
     def thermals(self) -> int:
         """Number of thermal cameras that the agent carries."""
-        return len(self.agent.sensors.thermals)
+        return self.count("thermal")
 
     def thermal(self, camera: int) -> NDArray[np.float32]:
         """Read the temperatures (h, w) in kelvin of black bodies that would look as the pixels."""

@@ -68,25 +68,9 @@ class ForeignView(AgentView):
         """Whether the agent is a roadside unit, by its negative number."""
         return self._number < 0
 
-    @property
-    def cameras(self) -> int:
-        """Number of cameras that the frame describes."""
-        return count_sensors(self.description, "camera")
-
-    @property
-    def lidars(self) -> int:
-        """Number of LiDARs whose poses the frame has."""
-        return count_sensors(self.description, "lidar")
-
-    @property
-    def radars(self) -> int:
-        """Number of radars whose poses the frame has."""
-        return count_sensors(self.description, "radar")
-
-    @property
-    def thermals(self) -> int:
-        """Number of thermal cameras that the frame describes."""
-        return count_sensors(self.description, "thermal")
+    def count(self, kind: str) -> int:
+        """Count the sensors of a kind, such as `radar`, that the frame describes."""
+        return count_sensors(self.description, kind)
 
     def has_truth(self, kind: str, camera: int) -> bool:
         """Return whether a camera has images of truth of a kind: `instance`, `normal`, `flow`."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated
 
 from advercity_dsl import Model, Spec
+from advercity_dsl.sensor_kinds import load_sensor_kinds
 from pydantic import Field, ValidationError
 
 from advercity.atomic_files import write_atomically
@@ -26,8 +27,6 @@ from advercity.sensors.camera_model import CameraModel
 
 RECORDS_FILE = "runs.jsonl"
 MAX_RECORDS = 50
-THERMAL_RAYS = 6
-"""Rays for each pixel of a thermal camera."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class FrameWork:
         agents: Agents that sense.
         images: Images of all cameras; each comes with its classes and depths.
         pixels: Pixels that are rendered for all those images.
-        beams: Beams of all LiDARs, and rays of all radars and thermal cameras.
+        beams: Rays of all sensors: beams of LiDARs, rays of radars and thermal cameras.
         renders: How often each pixel is rendered, on average: more than once with rolling shutters.
     """
 
@@ -52,12 +51,6 @@ class FrameWork:
     def from_spec(spec: Spec, scale: float) -> "FrameWork":
         """Count the work of a frame with images at `scale` of their authored width and height."""
         cameras = [item.model for agent in spec.agents for item in agent.sensors.cameras]
-        lidars = [lidar for agent in spec.agents for lidar in agent.sensors.lidars]
-        radars = [item.model for agent in spec.agents for item in agent.sensors.radars]
-        beams = sum(lidar.channels * lidar.azimuths * lidar.sub_rays for lidar in lidars)
-        thermals = [item.model for agent in spec.agents for item in agent.sensors.thermals]
-        # A pixel has a ray of its own, and some to the sun and the sky.
-        rays = sum(camera.width_px * camera.height_px for camera in thermals) * THERMAL_RAYS
         sizes = [
             CameraModel.build(camera, camera.width_px, camera.height_px).rendered_size
             for camera in cameras
@@ -68,7 +61,12 @@ class FrameWork:
             agents=len(spec.agents),
             images=len(cameras),
             pixels=max(1, round(sum(pixels) * scale**2)),
-            beams=beams + sum(radar.rays for radar in radars) + round(rays * scale**2),
+            beams=sum(
+                sensor.model.count_rays(scale)
+                for agent in spec.agents
+                for kind in load_sensor_kinds().found
+                for sensor in agent.sensors.list_sensors(kind)
+            ),
             renders=sum(map(math.prod, zip(pixels, renders, strict=True))) / sum(pixels),
         )
 

@@ -166,6 +166,10 @@ class Lidar(Sampled):
     dropoff_zero_intensity: Fraction = 0
     """Probability that a return of zero intensity is lost; lower for stronger ones."""
 
+    def count_rays(self, scale: float) -> int:
+        """Count the rays of one scan, whatever the scale of images."""
+        return self.channels * self.azimuths * self.sub_rays
+
     def find_scan_period_s(self, tick_s: float) -> float:
         """Return how long a scan takes, which is from one to the next.
 

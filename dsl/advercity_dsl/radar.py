@@ -59,3 +59,7 @@ class Radar(Sampled):
     """Whether the powers of all cells are written too."""
     mounts: Annotated[Items[Mount], Field(min_length=1, max_length=8)]
     """Pose of each radar of this kind."""
+
+    def count_rays(self, scale: float) -> int:
+        """Count the rays of one measurement, whatever the scale of images."""
+        return self.rays

@@ -21,3 +21,7 @@ class Sampled(CompactModel):
     """By how much samples are later than that."""
     jitter_ms: Annotated[Milliseconds, Field(ge=0, le=1000)] = 0
     """Standard deviation of their times, which stay in order: at most 0.45 periods either way."""
+
+    def count_rays(self, scale: float) -> int:
+        """Count the rays that one such sensor casts in a frame, with images at a scale."""
+        return 0

@@ -9,7 +9,7 @@ from functools import cache
 from importlib.metadata import entry_points
 from itertools import groupby
 from operator import itemgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from advercity_dsl.camera import Camera
 from advercity_dsl.can_bus import CanBus
@@ -17,6 +17,7 @@ from advercity_dsl.inertial import Imu
 from advercity_dsl.lidar import Lidar
 from advercity_dsl.positioning import Gnss
 from advercity_dsl.radar import Radar
+from advercity_dsl.sampling import Sampled
 from advercity_dsl.sensor_kind import SensorKind, load_named
 from advercity_dsl.thermal import ThermalCamera
 
@@ -95,9 +96,12 @@ CORE_KINDS = {
 
 
 class SensorKinds(NamedTuple):
-    """Kinds by name, why others that are registered cannot be used, and whose those of others are.
+    """Kinds of an installation.
 
-    `distributions` has the name of the distribution that registers a kind.
+    Attributes:
+        found: Kinds by name.
+        broken: Reasons why other registered kinds cannot be used, by name.
+        distributions: Names of the distributions that register kinds, by name of the kind.
     """
 
     found: Mapping[str, SensorKind]
@@ -117,7 +121,7 @@ def load_sensor_kinds() -> SensorKinds:
     for name, claims in groupby(claimed, key=itemgetter(0)):
         try:
             found[name] = _load_kind(name, [value for _, value in claims])
-        except (AttributeError, ImportError, ValueError) as error:
+        except Exception as error:  # whatever a module of others raises
             broken[name] = str(error)
     return SensorKinds(found, broken, distributions)
 
@@ -130,4 +134,7 @@ def _load_kind(name: str, values: Sequence[str]) -> SensorKind:
     kind = load_named(values[0])
     if not isinstance(kind, SensorKind) or kind.name != name:
         raise ValueError(f"{values[0]} is no SensorKind with the name '{name}'")
+    model: Any = kind.model
+    if not issubclass(model, Sampled):
+        raise ValueError(f"{values[0]} has a model that is not derived from Sampled")
     return kind

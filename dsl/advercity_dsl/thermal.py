@@ -9,6 +9,8 @@ from advercity_dsl.mount import Mount
 from advercity_dsl.sampling import Sampled
 from advercity_dsl.units import Count, Degrees, Millikelvins, Number
 
+RAYS_PER_PIXEL = 6
+
 
 class ThermalCamera(Sampled):
     """An uncooled thermal camera, 8 to 14 um; defaults are those of a common one for cars."""
@@ -27,3 +29,7 @@ class ThermalCamera(Sampled):
     """Standard deviation of a point's image: diffraction and the size of a pixel."""
     mounts: Annotated[Items[Mount], Field(min_length=1, max_length=8)]
     """Pose of each camera."""
+
+    def count_rays(self, scale: float) -> int:
+        """Count the rays of one image: a pixel has one of its own, and some to sun and sky."""
+        return round(self.width_px * self.height_px * RAYS_PER_PIXEL * scale**2)

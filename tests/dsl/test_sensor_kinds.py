@@ -79,6 +79,8 @@ def test_the_schema_describes_the_sensor(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("module", "entries", "reason"),
     [
+        ("1 / 0", {"whisker": "whiskers:KIND"}, "division by zero"),
+        (MODULE.replace("(Sampled)", ""), {"whisker": "whiskers:KIND"}, "not derived from Sampled"),
         ("import nowhere", {"whisker": "whiskers:KIND"}, "No module named 'nowhere'"),
         (MODULE, {"whisker": "whiskers:NONE"}, "has no attribute 'NONE'"),
         (MODULE, {"tail": "whiskers:KIND"}, "is no SensorKind with the name 'tail'"),
