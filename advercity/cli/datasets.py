@@ -290,7 +290,7 @@ def split(
         typer.Option(metavar="A,B,C", help="Draw splits of these shares, such as 70,15,15."),
     ] = None,
 ) -> None:
-    """Link scenarios into train, validate and test, by road or by another property.
+    """Link scenarios into train, validate and test, by road or otherwise.
 
     Values of a split are separated by commas. With `--share`, scenarios that have the property in
     common stay in one split.
