@@ -290,7 +290,9 @@ def split(
         typer.Option(metavar="A,B,C", help="Draw splits of these shares, such as 70,15,15."),
     ] = None,
 ) -> None:
-    """Link scenarios into train, validate and test, by road or otherwise.
+    """Link scenarios into train, validate and test.
+
+    They go by road, or by another property.
 
     Values of a split are separated by commas. With `--share`, scenarios that have the property in
     common stay in one split.
