@@ -45,7 +45,7 @@ def build_schema(kind: str) -> dict[str, Any]:
     model = SCHEMA_MODELS[kind]
     schema = _build_model_schema(model)
     if kind in DECLARATIONS:
-        schema["properties"]["kind"] |= {"description": "What this file declares."}
+        schema["properties"]["kind"] |= {"description": "Kind of declaration in this file."}
         schema["properties"] |= {"extends": _EXTENDS_SCHEMA, "version": _VERSION_SCHEMA}
         # Other required fields may be inherited by `extends`, which a schema cannot know.
         schema["required"] = ["kind", "id"]

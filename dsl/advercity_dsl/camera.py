@@ -93,8 +93,8 @@ class RawOutput(CompactModel):
     black_level: Annotated[Count, Field(ge=0, le=4096)] = 64
     """Value without light and noise."""
     highlights_ev: Annotated[Number, Field(ge=0, le=4)] = Field(default=0, exclude_if=is_empty)
-    """Stops above a full pixel that the largest value is: with those of the camera, values are of
-    all its exposures, linear in light; 0 is the long exposure alone."""
+    """Stops of the largest value above a full pixel. With the stops of the camera, values merge all
+    exposures, linear in light; 0 is the long exposure alone."""
 
     @model_validator(mode="after")
     def _check_black_level(self) -> Self:
@@ -106,7 +106,7 @@ class RawOutput(CompactModel):
 
     @property
     def full_value(self) -> int:
-        """Largest value: that of a full pixel, or of its highlights."""
+        """Largest value: a full pixel, or its highlights."""
         return 2**self.bits - 1
 
 
@@ -118,8 +118,8 @@ class Isp(CompactModel):
     """
 
     demosaic: Literal["bilinear", "edge_aware"] = "edge_aware"
-    """How colours between the filters are found: as means of all neighbours, or green as that of
-    the two between which it changes less."""
+    """Method to find colours between the filters: means of all neighbours, or green from the two
+    neighbours between which it changes less."""
     denoise: Annotated[Fraction, Field(ge=0, le=0.95)] = 0.5
     """Fraction of the noise that is removed from even surfaces; 0 leaves all."""
     sharpening: Annotated[Fraction, Field(ge=0, le=1)] = 0.25
@@ -140,17 +140,17 @@ class Shutter(CompactModel):
 
     The frame's instant is the middle of the readout and of the exposure: then the middle row is in
     the middle of its exposure. The scene is rendered once for each band of rows, as it is when the
-    middle of the band is exposed; what moves by p pixels in the readout is p / (2 bands) pixels off
-    at most. With blur, it is rendered several times over the exposure of each band.
+    middle of the band is exposed. An object that moves by p pixels in the readout is at most
+    p / (2 bands) pixels off. With blur, it is rendered several times over each band's exposure.
     """
 
     readout_ms: Annotated[Milliseconds, Field(ge=0, le=100)] = 0
-    """Time from the exposure of the first row to that of the last; 0 exposes all at once."""
+    """Time from the exposure of the first row to the last row; 0 exposes all at once."""
     bands: Annotated[Count, Field(ge=1, le=128)] = 8
     """Bands of rows; each takes the time of an image."""
     blur_samples: Annotated[Count, Field(ge=1, le=33)] = 1
-    """Instants of the exposure of which an image is the mean, an odd number: labels are those of
-    the middle one. 1 is no blur; each takes the time of an image."""
+    """Instants of the exposure of which an image is the mean, an odd number; the middle one gives
+    the labels. 1 is no blur; each takes the time of an image."""
     led_flicker: Flag = False
     """Whether signals and tail lamps flicker, as LEDs do on rectified mains and on pulses; without
     it, the sensor mitigates it."""
@@ -229,12 +229,12 @@ class Camera(Sampled):
     point_spread: PointSpread | None = Field(default=None, exclude_if=is_none)
     """Blur by the lens; without it, images are sharp to the pixel."""
     dirt: Dirt | None = Field(default=None, exclude_if=is_none)
-    """Dirt that stays on the glass, besides what the weather leaves there; without it, none."""
+    """Dirt that stays on the glass, in addition to the traces of weather; without it, none."""
     shutter: Shutter | None = Field(default=None, exclude_if=is_none)
     """Rolling shutter and blur by motion; without it, images show one instant."""
     hdr: Flag = Field(default=False, exclude_if=is_empty)
-    """Whether a linear image of 16 bits is written too: what the sensor measured before the tone
-    curve, with the stops of `highlights_ev`."""
+    """Whether a linear image of 16 bits is written too: the measured values before the tone curve,
+    with the stops of `highlights_ev`."""
     raw: RawOutput | None = Field(default=None, exclude_if=is_none)
     """The image of the sensor's pixels behind their colour filters, which is written too; without
     it, none is."""
@@ -244,9 +244,9 @@ class Camera(Sampled):
     truth: Annotated[Items[TruthImage], Field(max_length=3)] = Field(
         default=(), exclude_if=is_empty
     )
-    """Images of truth besides classes and depths: `instance` has the id of the actor that each
-    pixel shows, `normal` the direction of its surface, `flow` where its point is in the next image,
-    and whether that shows it."""
+    """Images of truth in addition to classes and depths: `instance` has the id of the actor in each
+    pixel, `normal` the direction of its surface, `flow` the place of its point in the next image,
+    and whether the next image shows it."""
     mounts: Annotated[Items[Mount], Field(min_length=1, max_length=8)]
     """Pose of each camera of this kind."""
 
@@ -372,7 +372,7 @@ class Camera(Sampled):
 
     @property
     def sensor_values(self) -> RawOutput:
-        """What the values of the sensor's pixels are that `raw` writes and `isp` reads."""
+        """Coding of the pixel values that `raw` writes and `isp` reads."""
         of_isp = {"bits": 16, "black_level": 1024, "highlights_ev": self.highlights_ev}
         return self.raw or RawOutput.model_validate(of_isp)
 
@@ -424,13 +424,13 @@ class Camera(Sampled):
 
     @property
     def more_images(self) -> tuple[str, ...]:
-        """Kinds of images that are written besides those of every camera."""
+        """Kinds of images that are written in addition to the images of every camera."""
         asked = {"hdr": self.hdr, "raw": self.raw is not None}
         return (*self.truth, *(kind for kind, is_asked in asked.items() if is_asked))
 
     @property
     def side_angles_rad(self) -> tuple[float, float]:
-        """Angles off the axis of what the image shows at its left and at its right edge."""
+        """Angles off the axis at the left and the right edge of the image."""
         if self.intrinsics is None:
             half_rad = math.radians(self.horizontal_fov_deg / 2)
             return half_rad, half_rad

@@ -9,9 +9,9 @@ from advercity_dsl.units import Degrees, Fraction, KilometresPerHour, Number
 
 
 class CanBus(Sampled):
-    """What a vehicle's bus has of its motion, in the steps of its messages.
+    """Motion of a vehicle on its bus, in the steps of its messages.
 
-    The steps of wheels and steering are those of a Toyota Corolla as opendbc describes its bus;
+    The steps of wheels and steering are a Toyota Corolla's, as opendbc describes its bus;
     the step of the yaw rate and the errors are assumed.
     """
 
@@ -20,7 +20,7 @@ class CanBus(Sampled):
     tyre_error: Annotated[Fraction, Field(le=0.1)] = 0.005
     """Standard deviation of each tyre's rolling radius, by wear and pressure."""
     steering_ratio: Annotated[Number, Field(ge=1, le=40)] = 15
-    """Angle of the steering wheel over that of the front wheels."""
+    """Angle of the steering wheel over the angle of the front wheels."""
     steering_step_deg: Annotated[Degrees, Field(ge=0, le=10)] = 0.1
     """Step of the angle of the steering wheel."""
     steering_offset_deg: Annotated[Degrees, Field(ge=0, le=30)] = 1

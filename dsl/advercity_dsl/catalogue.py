@@ -58,8 +58,8 @@ class PedestrianAppearance(CompactModel):
     umbrella: ClothColour | None = None
     """Colour of an umbrella that may be opened in rain; `null` for none."""
     attachment: Literal["none", "pram", "dog", "wheelchair", "pushed_wheelchair"] = "none"
-    """What moves with the person, in the same box: a pram before it, a dog on a leash at its right,
-    the wheelchair that it sits in, or one with another person that it pushes. Cloth of prams and
+    """Companion in the same box: a pram in front of the person, a dog on a leash at its right, a
+    wheelchair that it sits in, or one with another person that it pushes. Cloth of prams and
     wheelchairs has the colour of the bag."""
 
     @model_validator(mode="after")
@@ -94,7 +94,7 @@ class PersonShape(CompactModel):
 
 
 SEATED_HEIGHT_RATIO = 0.8
-"""Height of a person in a wheelchair as a ratio of that of the same person standing."""
+"""Height of a person in a wheelchair over its height when standing."""
 
 
 PaintColour = Literal[
@@ -215,7 +215,7 @@ ActorMetres = Annotated[
 
 
 class FifthWheel(CompactModel):
-    """Coupling of a tractor unit: what it tows, and where."""
+    """Coupling of a tractor unit: its semi-trailer and its fifth wheel."""
 
     trailer: Id
     """Blueprint of the semi-trailer, in the same catalogue."""
@@ -231,7 +231,7 @@ class SemiTrailer(CompactModel):
     wheelbase_m: ActorMetres
     """Distance of the middle of its axles behind the kingpin."""
     body: Literal["curtains", "refrigerated"] = "curtains"
-    """What its cargo is in: curtains, or insulated walls with a unit that cools."""
+    """Walls around its cargo: curtains, or insulated walls with a cooling unit."""
 
 
 class Blueprint(CompactModel):
@@ -248,7 +248,7 @@ class Blueprint(CompactModel):
     land_use: Literal["urban", "rural", "any"] = "any"
     """Surroundings in which it occurs."""
     paints: dict[PaintColour, PaintFraction] = Field(default_factory=dict[PaintColour, float])
-    """Fractions of paint colours; those of real traffic if not given."""
+    """Fractions of paint colours; by default as in real traffic."""
     lamps: LampPositions = LampPositions()
     """Positions of lamps, if they differ from its lamp glasses."""
     headlamps: Literal["halogen", "led"] | None = None
@@ -261,7 +261,7 @@ class Blueprint(CompactModel):
     tows: FifthWheel | None = None
     """Semi-trailer of a tractor unit, which never drives without it."""
     semitrailer: SemiTrailer | None = None
-    """What makes a truck a semi-trailer, which only drives behind its tractor unit."""
+    """Marks a truck as a semi-trailer, which only drives behind its tractor unit."""
     model: BodyModel | None = None
     """A 3-D model; without it, the body is generated."""
 
@@ -284,7 +284,7 @@ class Blueprint(CompactModel):
 
     @property
     def stature_m(self) -> float:
-        """Height of its pedestrian standing up, in metres; of others that of the box."""
+        """Height of its pedestrian standing up, in metres; for others the box's height."""
         is_seated = self.looks is not None and self.looks.attachment == "wheelchair"
         return round(self.height_m / SEATED_HEIGHT_RATIO, 3) if is_seated else self.height_m
 

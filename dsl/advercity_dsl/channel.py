@@ -1,4 +1,4 @@
-"""V2X channels: what connected vehicles and roadside units send, and how it arrives.
+"""V2X channels: messages of connected vehicles and roadside units, and their arrival.
 
 Without `radio`, every message within `range_m` arrives; with it, the link budget of each pair of
 stations decides, along the path that is there in that frame.
@@ -65,7 +65,7 @@ class Radio(CompactModel):
 
 
 class Latency(CompactModel):
-    """Time from the measurement to reception, besides that in the queue and on the air."""
+    """Time from the measurement to reception, without the time in the queue and on the air."""
 
     minimum_s: Annotated[Seconds, Field(ge=0, le=10)] = 0
     """Time that every message takes."""
@@ -74,7 +74,7 @@ class Latency(CompactModel):
 
 
 class Loss(CompactModel):
-    """Loss of messages besides that of the link budget, by Gilbert and Elliott.
+    """Loss of messages from other causes than the link budget, by Gilbert and Elliott.
 
     Each link between two stations alternates between good times and bursts of loss, both of
     exponentially distributed length.
@@ -140,8 +140,8 @@ class AwarenessMessage(CompactModel):
 class PerceptionMessage(CompactModel):
     """Collective perception message (ETSI TR 103 562, TS 103 324): objects that a station senses.
 
-    It has the objects that the station annotates, with errors in place of those of a detector and
-    tracker.
+    It has the objects that the station annotates, with drawn errors in place of the errors
+    of a detector and tracker.
     """
 
     period_s: Period = 0.1
@@ -169,7 +169,7 @@ class PerceptionMessage(CompactModel):
 class DataMessage(CompactModel):
     """Sensor data or features of a network, of a size that the channel has to carry.
 
-    What is sent is not written a second time: a reader finds the sender's files of that frame.
+    The data are not written a second time: a reader finds the sender's files of the frame.
     """
 
     period_s: Period = 0.1
@@ -183,7 +183,7 @@ class Channel(Declaration):
 
     kind: Literal["channel"] = "channel"
     range_m: Annotated[PositiveMetres, Field(ge=1)] | None = None
-    """Distance beyond which nothing arrives; `null` is none."""
+    """Distance beyond which messages do not arrive; `null` is none."""
     radio: Radio | None = None
     """Radio; `null` is a channel that only range, loss and bandwidth limit."""
     rate_mbit_s: Annotated[MegabitsPerSecond, Field(ge=0.001)] | None = None
@@ -194,7 +194,7 @@ class Channel(Declaration):
     lifetime_s: Annotated[Seconds, Field(ge=0.01, le=10)] = 1
     """Age from which a message is worthless: it is not received any more."""
     loss: Loss = Loss()
-    """Loss besides that of the link budget."""
+    """Loss from other causes than the link budget."""
     pose_error: PoseError = PoseError()
     """Errors of the poses that are sent."""
     clock: Clock = Clock()
@@ -202,7 +202,7 @@ class Channel(Declaration):
     cam: AwarenessMessage | None = AwarenessMessage()
     """Messages about the sender; `null` is none."""
     cpm: PerceptionMessage | None = PerceptionMessage()
-    """Messages about what it perceives; `null` is none."""
+    """Messages about its perceived objects; `null` is none."""
     data: DataMessage | None = None
     """Messages with sensor data or features; `null` is none."""
 

@@ -1,4 +1,4 @@
-"""Inertial measurement units: what their instruments err by, and grades of data sheets."""
+"""Inertial measurement units: errors of their instruments, and grades of data sheets."""
 
 from typing import Annotated, Literal
 
@@ -37,7 +37,7 @@ class AccelerometerErrors(CompactModel):
     misalignment_mrad: Milliradians = 0
     """Angle of each axis towards each of the others."""
     rectification_ug_g2: Micro = 0
-    """Bias per squared acceleration: what vibration adds to it."""
+    """Bias per squared acceleration, as vibration adds it."""
 
 
 class GyroscopeErrors(CompactModel):
@@ -64,7 +64,7 @@ class GyroscopeErrors(CompactModel):
 
 
 class ImuErrors(CompactModel):
-    """What an inertial measurement unit errs by."""
+    """Errors of an inertial measurement unit."""
 
     accelerometer: AccelerometerErrors = AccelerometerErrors()
     """Errors of the accelerometers."""
@@ -79,7 +79,7 @@ class ImuErrors(CompactModel):
 
 
 class RoadVibration(CompactModel):
-    """What the road shakes the unit by, which the vehicle's smooth motion does not have.
+    """Shaking of the unit by the road, which the vehicle's smooth motion does not have.
 
     A road of ISO 8608 under the quarter car of the International Roughness Index.
     """
@@ -97,7 +97,7 @@ class Imu(Sampled):
     """Quality of the instrument; `ideal` has no errors. `low`, `mid` and `high` have noise and
     drift alone; `consumer`, `automotive` and `tactical` all that a data sheet lists."""
     errors: ImuErrors | None = Field(default=None, exclude_if=is_none)
-    """Errors of an instrument of one's own, instead of those of a grade."""
+    """Errors of your own instrument, instead of a grade."""
     vibration: RoadVibration | None = Field(default=None, exclude_if=is_none)
     """Shaking by the road; `null` is none."""
     compass_noise_deg: Annotated[Degrees, Field(ge=0, le=90)] = 0
@@ -154,8 +154,8 @@ IMU_GRADES = {
         warm_up_s=300,
     ),
     # Analog Devices ADIS16470, Rev. C: 8 deg/h and 13 ug in run, 0.008 deg/s per root hertz,
-    # calibrated over temperature. What it leaves of bias, scale, alignment and g-sensitivity is
-    # of the order of its tables; walks of the biases are assumed.
+    # calibrated over temperature. Its residual bias, scale, alignment and g-sensitivity are of
+    # the order of its tables; walks of the biases are assumed.
     "automotive": ImuErrors(
         accelerometer=AccelerometerErrors(
             noise_m_s_rth=0.037,

@@ -1,4 +1,4 @@
-"""Satellite positioning: error models, and receivers with what they receive, track and solve."""
+"""Satellite positioning: error models, and receivers with reception, tracking and solution."""
 
 from datetime import datetime
 from typing import Annotated, Literal, Self
@@ -16,7 +16,7 @@ AntennaOffset = Annotated[Metres, Field(ge=-100, le=100)]
 class SatelliteReceiver(CompactModel):
     """A receiver among buildings and trees: it ranges to satellites and solves for its position.
 
-    The defaults are those of a good receiver of one frequency in a car, without corrections.
+    The defaults describe a good single-frequency receiver in a car, without corrections.
     """
 
     start_utc: str = "2024-06-21T12:00:00"
@@ -47,7 +47,7 @@ class SatelliteReceiver(CompactModel):
     signal_error_m: Annotated[Metres, Field(ge=0, le=100)] = 0.5
     """Standard deviation of orbit and clock of each satellite."""
     atmosphere_m: Annotated[Metres, Field(ge=0, le=100)] = 1.0
-    """Standard deviation of what the delay of the air is wrong by, at the zenith."""
+    """Standard deviation of the error of the air's delay, at the zenith."""
     corrections: Literal["none", "rtk"] = "none"
     """Whether carrier phases are corrected by a base station."""
     base_km: Annotated[Number, Field(ge=0, le=100)] = 5
@@ -78,7 +78,7 @@ class Gnss(Sampled):
     """
 
     mode: Literal["carla", "realistic", "satellites"] = "carla"
-    """Error model: that of CARLA, of a real receiver in the open, or one of the place."""
+    """Error model: CARLA's, a real receiver in the open, or satellites above the place."""
     receiver: SatelliteReceiver = SatelliteReceiver()
     """The receiver, for `satellites`."""
     latitude_noise_deg: Annotated[

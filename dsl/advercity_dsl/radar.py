@@ -30,7 +30,7 @@ class Radar(Sampled):
     range_m: Annotated[PositiveMetres, Field(ge=5, le=500)] = 150
     """Maximum range."""
     max_speed_m_s: Annotated[MetresPerSecond, Field(ge=5, le=150)] = 30
-    """Largest radial velocity that is unambiguous; what is faster folds into this interval."""
+    """Largest unambiguous radial velocity; faster targets fold into this interval."""
     speed_cell_m_s: Annotated[MetresPerSecond, Field(ge=0.02, le=5)] = 0.15
     """Cell of the radial velocity."""
     azimuth_fov_deg: Annotated[Degrees, Field(ge=1, le=170)] = 120

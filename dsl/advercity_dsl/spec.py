@@ -132,15 +132,15 @@ class Spec(Model):
     caution_changes: Items[TimedDriverResponse] = Field(default=(), exclude_if=is_empty)
     """Their later responses to a weather that changes, in order of time."""
     reaction: ReactionConditions | None = Field(default=None, exclude_if=is_empty)
-    """What the ego reacts to staged actors with; None where no conflict is resolved by it."""
+    """Conditions of the ego's reaction to staged actors; None where it resolves no conflict."""
     channel: Channel | None = Field(default=None, exclude_if=is_empty)
-    """V2X channel between the agents; None where they send nothing."""
+    """V2X channel between the agents; None where they send no messages."""
     blueprints: ByName[Blueprint]
     assets: dict[AssetName, Digest] = Field(
         default_factory=dict[AssetName, Digest], exclude_if=is_empty, max_length=10_000
     )
-    """SHA-256 of what the scenario takes from files of others, by `kind/name`: `model/seat_leon` is
-    the converted model of that blueprint, `textures/ez_tree` the photographs of a package."""
+    """SHA-256 of foreign files that the scenario uses, by `kind/name`: `model/seat_leon` is the
+    converted model of the blueprint, `textures/ez_tree` the photographs of a package."""
     timing: Timing
     seeds: SpecSeeds
     provenance: Provenance

@@ -181,7 +181,7 @@ Looks = Literal["full", "shaped"]
 
 
 class Suite(Declaration):
-    """Roads, weathers and densities to cross, and what all scenarios have in common."""
+    """Roads, weathers and densities to cross, and common settings of all scenarios."""
 
     kind: Literal["suite"] = "suite"
     selection: Selection = Selection()
@@ -230,7 +230,7 @@ class Suite(Declaration):
     drivers: Id | None = Field(default=None, exclude_if=lambda name: name is None)
     """Drivers who react to weather; without them, traffic is the same in every weather."""
     resolved_by: ResolverFractions | None = Field(default=None, exclude_if=is_none)
-    """Who resolves the conflicts, in place of what each declares."""
+    """Who resolves the conflicts, in place of their own `resolved_by`."""
     pairing: Literal["weather", "none"] = Field(
         default="weather", exclude_if=lambda pairing: pairing == "weather"
     )

@@ -1,4 +1,4 @@
-"""Thermal cameras: what is asked of one that sees the heat of surfaces, 8 to 14 um."""
+"""Declaration of thermal cameras, which see the heat of surfaces, 8 to 14 um."""
 
 from typing import Annotated
 
@@ -13,7 +13,7 @@ RAYS_PER_PIXEL = 6
 
 
 class ThermalCamera(Sampled):
-    """An uncooled thermal camera, 8 to 14 um; defaults are those of a common one for cars."""
+    """An uncooled thermal camera, 8 to 14 um; defaults describe a common car camera."""
 
     width_px: Annotated[Count, Field(ge=16, le=2048)] = 640
     """Image width."""
@@ -24,7 +24,7 @@ class ThermalCamera(Sampled):
     netd_mk: Annotated[Millikelvins, Field(ge=0, le=1000)] = 50
     """Noise of a pixel from image to image, as a difference of temperature at 300 K."""
     fixed_pattern_mk: Annotated[Millikelvins, Field(ge=0, le=1000)] = 25
-    """Standard deviation of what a pixel, and as much of what a column, is off all the time."""
+    """Standard deviation of the constant error of a pixel, and equally of a column."""
     blur_px: Annotated[Number, Field(ge=0, le=5)] = 0.6
     """Standard deviation of a point's image: diffraction and the size of a pixel."""
     mounts: Annotated[Items[Mount], Field(min_length=1, max_length=8)]

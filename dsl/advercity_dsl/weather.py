@@ -59,7 +59,7 @@ street lamps are switched on."""
 
 
 class Keyframe(Model):
-    """What the weather has changed to at a time; what it does not mention runs on unchanged."""
+    """A changed weather at a time; values that it does not mention run on unchanged."""
 
     at_s: Annotated[
         Seconds,
@@ -103,14 +103,14 @@ class Keyframe(Model):
         del written["at_s",]
         return written
 
-    # What was not written must not appear: to read it back would set it to a default.
+    # Omitted fields must not appear: reading them back would set them to a default.
     @model_serializer(mode="wrap")
     def _serialize_written_values(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
         return _select_written(self, serialise(self))
 
 
 def _select_written(model: Model, data: dict[str, Any]) -> dict[str, Any]:
-    """Select from the data of a model what was written of it."""
+    """Select the written fields from the data of a model."""
     return {
         name: _select_written(inner, data[name])
         if isinstance(inner := getattr(model, name), Model)

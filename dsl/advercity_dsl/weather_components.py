@@ -246,7 +246,7 @@ class Sun(Model):
 
     @model_validator(mode="after")
     def _check_exclusive_fields(self) -> Self:
-        # Defaults are filled in by now; only what was written can contradict.
+        # Defaults are filled in by now; only written fields can contradict.
         given = self.model_fields_set
         if self.in_view_of is None:
             for field in ("within_deg", "seen_share"):
@@ -354,7 +354,7 @@ class Lamps(Model):
     """Fog lamps, front and rear."""
     high_beam: Fraction = Field(default=HIGH_BEAM_USERS, exclude_if=lambda v: v == HIGH_BEAM_USERS)
     """Fraction of drivers who use high beams where they may: by night, on roads without street
-    lamps, in a visibility of 1 km, and with nobody ahead whom they dazzle. Drivers used them for
+    lamps, in a visibility of 1 km, and with no driver ahead whom they dazzle. Drivers used them for
     48 % of the time that they could (Borzendowski, Stafford Sewall and Tyrrell 2015)."""
     led: Fraction = Field(default=LED_HEADLAMPS, exclude_if=lambda v: v == LED_HEADLAMPS)
     """Fraction of motor vehicles with headlamps of LEDs; others have halogen bulbs, and blueprints

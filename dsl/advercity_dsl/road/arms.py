@@ -29,7 +29,7 @@ class ArmVehicle(Model):
     end_m: PositiveMetres = 60
     """Distance of its destination beyond the junction."""
     max_speed_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)] = 40
-    """Speed limit of the vehicle, which also obeys that of the street."""
+    """Speed limit of the vehicle, which also obeys the street's."""
     waits_s: Annotated[Seconds, Field(ge=0, le=600)] = 0
     """Time for which it waits at its start before it sets out."""
 

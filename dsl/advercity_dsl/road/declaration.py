@@ -86,7 +86,7 @@ class Vehicle(Model):
     junction: Id | None = Field(default=None, exclude_if=is_none)
     """Junction of its manoeuvre; by default the first on the route at which three streets meet."""
     max_speed_km_h: Annotated[KilometresPerHour, Field(gt=0, le=200)]
-    """Speed limit of the vehicle, which also obeys that of the street."""
+    """Speed limit of the vehicle, which also obeys the street's."""
     waits_s: Annotated[Seconds, Field(ge=0, le=600)] = Field(
         default=0, exclude_if=lambda time_s: time_s == 0
     )
@@ -114,7 +114,7 @@ class RoadsideUnit(Model):
     roll_deg: Degrees = 0
     """Positive lowers the right side."""
     lidar_upper_deg: Degrees | None = None
-    """Elevation of the highest beam of evenly spaced channels; `null` uses that of the rig."""
+    """Elevation of the highest beam of evenly spaced channels; `null` uses the rig's."""
 
     @property
     def is_ego(self) -> bool:
@@ -351,9 +351,9 @@ class Road(Declaration):
     style: Literal["downtown", "residential", "industrial", "rural"] | None = Field(
         default=None, exclude_if=is_none
     )
-    """What is along every street apart from `surroundings`: buildings, trees, lamps and poles."""
+    """Buildings, trees, lamps and poles along every street, in addition to `surroundings`."""
     season: Season | None = Field(default=None, exclude_if=is_none)
-    """Leaves and colours of plants, and what fields bear; by default those of summer."""
+    """Season of plants and fields, with their leaves, colours and crops; summer by default."""
     agents: Annotated[
         dict[Id, Annotated[Vehicle | RoadsideUnit, Field(discriminator="kind")]],
         Field(max_length=100),

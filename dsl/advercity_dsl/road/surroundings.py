@@ -223,14 +223,14 @@ class Surrounding(Model):
     species: Items[Species] = Field(default=(), exclude_if=is_empty)
     """Species of trees; all if none is given."""
     roof: Roof | None = Field(default=None, exclude_if=is_none)
-    """Roof of a building with an outline; by default that of buildings of its size."""
+    """Roof of a building with an outline; by default as usual for its size."""
     use: BuildingUse | None = Field(default=None, exclude_if=is_none)
-    """What a building with an outline is used for, which gives it shops, or the walls of a hall; by
-    default that of buildings of its size."""
+    """Use of a building with an outline, which gives it shops, or the walls of a hall; by default
+    as usual for its size."""
     limit_km_h: Annotated[KilometresPerHour, Field(ge=1, le=200)] | None = Field(
         default=None, exclude_if=is_none
     )
-    """Limit on a speed sign; by default that of its street."""
+    """Limit on a speed sign; by default its street's limit."""
     sign: SignKind | None = Field(default=None, exclude_if=is_none)
     """Which sign."""
     per_100_m: FurnitureDensity | None = Field(default=None, exclude_if=is_none)
