@@ -93,7 +93,7 @@ PANELS = {
 
 @machine.command()
 def doctor() -> None:
-    """Report what this machine has and what is missing."""
+    """Report the abilities of this machine and missing parts."""
     from advercity.cli.doctor import check_machine
 
     text, healthy = check_machine()

@@ -36,7 +36,7 @@ ScaleOption = Annotated[
 WeatherLibraryOption = Annotated[
     list[Path] | None,
     typer.Option(
-        "--library", help="Folders of the library with the weather (default: what ships)."
+        "--library", help="Folders of the library with the weather (default: the shipped one)."
     ),
 ]
 FramesOption = Annotated[
@@ -72,7 +72,7 @@ CloudColourOption = Annotated[
     typer.Option(
         "--cloud-colour",
         metavar="intensity|class|kind",
-        help="What the colours of LiDAR points show; kind is what returned the light.",
+        help="Meaning of the colours of LiDAR points; kind is the source of the return.",
     ),
 ]
 

@@ -17,7 +17,7 @@ assets = typer.Typer(
 )
 LibraryOption = Annotated[
     list[Path] | None,
-    typer.Option(help="Folders of declarations with catalogues (default: what ships)."),
+    typer.Option(help="Folders of declarations with catalogues (default: the shipped library)."),
 ]
 
 

@@ -25,7 +25,7 @@ _IdealOption = Annotated[
     bool,
     typer.Option(
         "--ideal-channel",
-        help="Everything in range arrives at once, with true poses; else what the messages say.",
+        help="Everything in range arrives at once, with true poses; else by the messages.",
     ),
 ]
 _DeviceOption = Annotated[str, typer.Option(help="Device of PyTorch: cpu, cuda.")]
@@ -36,7 +36,7 @@ def train(
     dataset: DatasetArgument,
     output: Annotated[Path, typer.Option(help="File of the detector.", dir_okay=False)],
     sensor: Annotated[
-        str, typer.Option(help="What it sees: lidar, or camera (fusion none only).")
+        str, typer.Option(help="Sensor of the detector: lidar, or camera (fusion none only).")
     ] = "lidar",
     fusion: Annotated[
         str, typer.Option(help="none (also for late fusion), early or intermediate.")
@@ -112,7 +112,7 @@ def predict(
     ideal_channel: _IdealOption = False,
     device: _DeviceOption = "cpu",
 ) -> None:
-    """Write what a trained baseline finds in a dataset, for `evaluate`."""
+    """Write the predictions of a trained baseline on a dataset, for `evaluate`."""
     import time
 
     from advercity.benchmark.detector.clouds import FUSIONS, check_fusion
@@ -142,14 +142,14 @@ def evaluate(
     ] = None,
     classes: Annotated[
         str,
-        typer.Option(help="Classes that count, separated by commas; vehicle are those of OPV2V."),
+        typer.Option(help="Classes that count, separated by commas; vehicle is OPV2V's class."),
     ] = "car,van,truck,vehicle",
     communication_range: Annotated[
         float, typer.Option(min=0, help="Agents within so many metres of the ego cooperate.")
     ] = 70.0,
     area: Annotated[
         tuple[float, float],
-        typer.Option(help="Half length and half width of what counts, metres from the LiDAR."),
+        typer.Option(help="Half length and half width of the counted area, metres from the LiDAR."),
     ] = (140.0, 40.0),
     min_points: Annotated[
         int, typer.Option(min=0, help="LiDAR points that an object needs to count.")

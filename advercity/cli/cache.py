@@ -16,7 +16,7 @@ cache = typer.Typer(
 
 @cache.command()
 def show() -> None:
-    """Show where the cache is, what it holds, and its size limit."""
+    """Show the folder, content and size limit of the cache."""
     from advercity.cli.tables import format_columns
     from advercity.pipeline.cache import find_cache_folder
     from advercity.pipeline.cache_entries import describe_cache, find_size_limit
@@ -39,7 +39,7 @@ def clear() -> None:
 def prune(
     size: Annotated[
         str | None,
-        typer.Option(metavar="SIZE", help="Limit, as '5 GB' (default: that of `show`)."),
+        typer.Option(metavar="SIZE", help="Limit, as '5 GB' (default: the limit of `show`)."),
     ] = None,
 ) -> None:
     """Remove the entries used longest ago until the rest is within a size, and leftovers.

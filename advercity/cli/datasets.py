@@ -105,7 +105,7 @@ def export(
     dataset: DatasetArgument,
     output: Annotated[Path, typer.Option(help="Folder of the export.")],
     fresh: Annotated[
-        bool, typer.Option("--fresh", help="Remove what exports wrote there, and start over.")
+        bool, typer.Option("--fresh", help="Remove the files of exports there, and start over.")
     ] = False,
     key_frames: Annotated[
         str | None,
@@ -191,7 +191,7 @@ def stats(
     ] = Path("stats"),
     layout: LayoutOption = None,
 ) -> None:
-    """Count what a dataset holds: tables as CSV, plots as PNG."""
+    """Count the content of a dataset: tables as CSV, plots as PNG."""
     from advercity.dataset.facts import collect_dataset_facts
     from advercity.dataset.statistics import compute_tables, write_tables
     from advercity.dataset.statistics_plots import write_plots

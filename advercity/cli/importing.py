@@ -114,7 +114,7 @@ def _with_choice(command: Callable[..., None]) -> Callable[..., None]:
 
 
 SuggestOption = Annotated[
-    bool, typer.Option("--suggest", help="Print what each junction can stage, and the YAML.")
+    bool, typer.Option("--suggest", help="Print the conflicts of each junction, and the YAML.")
 ]
 DeclarationsOption = Annotated[
     Path | None,

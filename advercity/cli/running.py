@@ -75,7 +75,7 @@ def run(
         ),
     ] = None,
     allow_large: Annotated[
-        bool, typer.Option("--allow-large", help="Run even what would fill the machine.")
+        bool, typer.Option("--allow-large", help="Run even if it would fill the machine.")
     ] = False,
     allow_missing_models: AllowMissingModelsOption = False,
     allow_edited: Annotated[
@@ -88,12 +88,12 @@ def run(
         typer.Option(help="Ray cluster: auto, or HOST:PORT (default: one on this machine)."),
     ] = None,
     fresh: Annotated[
-        bool, typer.Option("--fresh", help="Start over; discard what is there.")
+        bool, typer.Option("--fresh", help="Start over; discard finished frames.")
     ] = False,
     layout: Annotated[str, typer.Option("--format", help="opv2v or adver_city.")] = "opv2v",
     min_points: Annotated[
         int,
-        typer.Option(min=0, help="Annotate only what returns so many LiDAR points to an agent."),
+        typer.Option(min=0, help="Annotate only objects with so many LiDAR points of an agent."),
     ] = 0,
     clouds: Annotated[
         str, typer.Option(help="Encoding of PCD files: binary or binary_compressed.")
@@ -246,7 +246,7 @@ def simulate(
     ] = Path("traffic"),
     video: Annotated[bool, typer.Option(help="Make a video of the moving plan, too.")] = True,
     markdown: Annotated[
-        bool, typer.Option("--markdown", help="Only print the table as Markdown; write nothing.")
+        bool, typer.Option("--markdown", help="Only print the table as Markdown; write no files.")
     ] = False,
     allow_missed: AllowMissedOption = False,
 ) -> None:
