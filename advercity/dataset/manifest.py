@@ -297,14 +297,18 @@ class Manifest(Model):
             raise RunError(f"{where}: {message}; {REMEDY}") from error
 
 
+def list_kinds_of_others(spec: Spec) -> set[str]:
+    """List the kinds of sensors of other distributions that a spec has."""
+    others = load_sensor_kinds().found.keys() - CORE_KINDS.keys()
+    return {
+        kind for kind in others if any(agent.sensors.list_sensors(kind) for agent in spec.agents)
+    }
+
+
 def _list_sensor_packages(spec: Spec) -> set[str]:
     """List the distributions of others whose sensors a spec has."""
-    kinds = load_sensor_kinds()
-    return {
-        kinds.distributions[kind]
-        for kind in kinds.found.keys() - CORE_KINDS.keys()
-        if any(agent.sensors.list_sensors(kind) for agent in spec.agents)
-    }
+    distributions = load_sensor_kinds().distributions
+    return {distributions[kind] for kind in list_kinds_of_others(spec)}
 
 
 def _format_first_error(error: ValidationError) -> str:

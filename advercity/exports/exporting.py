@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from advercity.dataset.manifest import Manifest
+from advercity.dataset.manifest import Manifest, list_kinds_of_others
 from advercity.dataset.partial_files import is_being_written
 from advercity.dataset.reader import Dataset, Scenario
 from advercity.dataset.scenario_folders import EXPORT_FILE, no_frames_error
@@ -146,6 +146,8 @@ def _open_whole_dataset(path: Path) -> Dataset:
         if is_being_written(scenario.path):
             raise RunError(f"{scenario.path}: a run is writing it; export it when that has ended")
         _warn_of_missing_frames(scenario)
+        if others := list_kinds_of_others(scenario.spec):
+            _logger.warning("%s: %s left out", scenario.path, ", ".join(sorted(others)))
     if not len(dataset):
         raise no_frames_error(path)
     return dataset
