@@ -2,7 +2,8 @@
 """Print a table of the readers of others that exports are tested with: accepted or not.
 
 `scripts/setup_peers` sets up the environment of these readers. Each test exports a small dataset,
-reads it with them and compares values. Arguments are formats; without any, all are tested.
+reads it with them and compares values. Arguments are formats; without any, all are tested. A reader
+that is not installed is `missing`, and its format `not tested`.
 """
 
 import os
@@ -13,7 +14,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PYTHON = os.environ.get("READERS_PYTHON", ROOT / ".venv-readers" / "bin" / "python")
-READERS = {
+OPENCOOD = os.environ.get("OPENCOOD_PYTHON", "")
+"""Interpreter that has OpenCOOD or HEAL, which need PyTorch and no package index has."""
+EXPORTS = {
+    "adver_city": (),
+    "clouds": ("open3d", "pypcd4"),
     "coco": ("pycocotools",),
     "croissant": ("mlcroissant",),
     "kitti": ("nuscenes-devkit", "pykitti"),
@@ -25,6 +30,8 @@ READERS = {
     "tidy_opendrive": ("asam-qc-opendrive",),
 }
 """Distributions by the name of the tests, `tests/exports/test_<name>.py`."""
+LOADERS = {"opencood": "OpenCOOD or HEAL"}
+"""Readers of datasets themselves, by the name of the tests, `tests/integration/test_<name>.py`."""
 FIND_VERSION = "import importlib.metadata, sys; print(importlib.metadata.version(sys.argv[1]))"
 
 
@@ -38,9 +45,18 @@ def find_version(reader: str) -> str:
     return done.stdout.strip()
 
 
+def name_readers(name: str) -> str:
+    """Name the readers of a format with their versions."""
+    if name in LOADERS:
+        return f"{LOADERS[name]}, {OPENCOOD or 'missing: OPENCOOD_PYTHON names no interpreter'}"
+    found = [f"{reader} {find_version(reader)}" for reader in EXPORTS[name]]
+    return ", ".join(found) or "the original's steps, in the test"
+
+
 def check_format(name: str) -> str:
     """Run the tests of a format, and return whether its readers accept it."""
-    command = [sys.executable, "-m", "pytest", "-q", f"tests/exports/test_{name}.py"]
+    folder = "integration" if name in LOADERS else "exports"
+    command = [sys.executable, "-m", "pytest", "-q", f"tests/{folder}/test_{name}.py"]
     done = subprocess.run(  # noqa: S603 - the tests of this repository
         command, capture_output=True, text=True, check=False, cwd=ROOT
     )
@@ -52,11 +68,10 @@ def check_format(name: str) -> str:
 
 def main() -> None:
     """Print a row for every format."""
-    row = "{:16} {:45} {}".format
+    row = "{:16} {:62} {}".format
     print(row("format", "readers", "accepted, values compared"))
-    for name in sys.argv[1:] or READERS:
-        versions = ", ".join(f"{reader} {find_version(reader)}" for reader in READERS[name])
-        print(row(name, versions, check_format(name)), flush=True)
+    for name in sys.argv[1:] or (*EXPORTS, *LOADERS):
+        print(row(name, name_readers(name), check_format(name)), flush=True)
 
 
 if __name__ == "__main__":
