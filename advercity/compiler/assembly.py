@@ -101,9 +101,10 @@ def build_spec(
         assets=dict(sorted(assets.items())),
         timing=suite.timing,
         seeds=SpecSeeds(
-            # Without the weather, so that all weathers of a road and density have one traffic.
-            traffic=_derive_traffic_seed(suite, inputs),
-            sensors=suite.seeds.sensors,
+            traffic=_derive_seed(suite.seeds.traffic, "traffic", inputs),
+            sensors=suite.seeds.sensors
+            if inputs.is_paired
+            else _derive_seed(suite.seeds.sensors, "sensors", inputs),
             weather=suite.seeds.weather,
         ),
         provenance=Provenance(
@@ -350,9 +351,8 @@ def _compute_demand(road: Road, density: Density) -> ClassDemand:
     )
 
 
-def _derive_traffic_seed(suite: Suite, inputs: ScenarioInputs) -> int:
-    purpose = [str(suite.seeds.traffic), "traffic", inputs.road.id, inputs.density.id]
-    purpose += inputs.repeat_key
+def _derive_seed(seed: int, purpose: str, inputs: ScenarioInputs) -> int:
+    key = [str(seed), purpose, inputs.road.id, inputs.density.id, *inputs.sample_key]
     # hash() differs from process to process; 32 bits as for the seeds of suites.
-    digest = hashlib.blake2b("/".join(purpose).encode(), digest_size=4).digest()
+    digest = hashlib.blake2b("/".join(key).encode(), digest_size=4).digest()
     return int.from_bytes(digest, "little")

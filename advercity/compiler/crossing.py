@@ -233,7 +233,7 @@ def _solve_traffic(library: Library, suite: Suite, inputs: ScenarioInputs) -> So
         inputs.density,
         inputs.blueprints,
         ego=find_ego_blueprint(suite, inputs),
-        repeat_key=inputs.repeat_key,
+        sample_key=inputs.sample_key,
     )
     return SolvedTraffic(suite, conflicts, road)
 
@@ -294,15 +294,15 @@ def _build_scenarios(
     places = select_conflicts(library, suite, resolved.roads, groups)
     factors = (places, resolved.weathers, resolved.densities, steps, repeats)
     _check_count(source, math.prod(map(len, factors)))
-    crossings = product(places, resolved.weathers.values(), enumerate(resolved.densities.values()))
+    crossings = product(places, resolved.weathers.values(), resolved.densities.values())
     common = (resolved.rig, resolved.catalogue, resolved.channel)
     build = partial(build_scenario_inputs, library, suite, require_sun=require_sun)
     scenarios = _run_checks(
         partial(build, (turns[turn], weather, density, *common), step, repeat)
-        for turns, weather, (number, density) in crossings
+        for turns, weather, density in crossings
         for step in steps
         for repeat in repeats
-        for turn in ((number + (repeat or 1) - 1) % len(turns),)
+        for turn in (((repeat or 1) - 1) % len(turns),)
     )
     kept = [
         inputs

@@ -202,8 +202,8 @@ def _parse_number(constraints: NumberConstraints, value: Any) -> float:
     return int(number) if constraints.whole and number == int(number) else number
 
 
-TrafficKey = tuple[str, str, str | None, SweepStep | None, int | None]
-"""Road, density, crossed conflict, step of the sweep and number of the repeat."""
+TrafficKey = tuple[str, str, str | None, SweepStep | None, tuple[str, ...]]
+"""Road, density, crossed conflict, step of the sweep and key of the sample."""
 
 
 @dataclass(frozen=True)
@@ -222,6 +222,7 @@ class ScenarioInputs:
     conflicts: RoadConflicts
     looks: Looks
     repeat: int | None
+    is_paired: bool
 
     @property
     def by_kind(self) -> dict[str, Model | None]:
@@ -259,13 +260,17 @@ class ScenarioInputs:
 
     @property
     def traffic_key(self) -> TrafficKey:
-        """Key that is equal for scenarios with the same traffic, which ignores the weather."""
-        return self.road.id, self.density.id, self.conflicts.crossed_id, self.step, self.repeat
+        """Key that is equal for scenarios with the same traffic."""
+        return self.road.id, self.density.id, self.conflicts.crossed_id, self.step, self.sample_key
 
     @property
-    def repeat_key(self) -> tuple[str, ...]:
-        """Part of the keys of random numbers that differ between repeats; empty for the first."""
-        return (f"r{self.repeat}",) if self.repeat and self.repeat > 1 else ()
+    def sample_key(self) -> tuple[str, ...]:
+        """Part of the keys of random numbers that differ between samples of a road and density.
+
+        Weathers are samples of their own unless they are paired, repeats from the second on.
+        """
+        weather = () if self.is_paired else (self.weather.id,)
+        return (*weather, f"r{self.repeat}") if self.repeat and self.repeat > 1 else weather
 
 
 def _remove_package_model(blueprint: Blueprint) -> Blueprint:
@@ -320,7 +325,7 @@ def build_scenario_inputs(
     weather = localize_weather(entry, drawn, road, require_sun=require_sun)
     return ScenarioInputs(
         *(name, road, weather, density, rig, catalogue, channel, draws, step, conflicts),
-        *(suite.looks, repeat),
+        *(suite.looks, repeat, suite.pairing == "weather"),
     )
 
 

@@ -9,11 +9,17 @@ from advercity_dsl import Blueprint, Conflict, Density, Road, StagedConflict, Su
 from advercity_dsl.spec import CrashGroup
 
 from advercity.compiler.library import Library
-from advercity.conflicts.binding import Binding, match_conflict, with_ego_manoeuvre
-from advercity.conflicts.case import UnsolvableError
+from advercity.conflicts.binding import (
+    Binding,
+    is_crossing,
+    match_conflict,
+    with_ego_manoeuvre,
+)
+from advercity.conflicts.case import CALM_S, UnsolvableError
 from advercity.conflicts.checks import (
     Finding,
     compute_first_event_s,
+    compute_meeting_s,
     find_crowding,
     find_infeasibility,
 )
@@ -71,7 +77,7 @@ class UnstageableError(Exception):
 
 
 Turns = tuple[RoadConflicts, ...]
-"""What the scenarios of a road stage in turn, from density to density and repeat to repeat."""
+"""What the scenarios of a road stage in turn, from repeat to repeat."""
 
 
 def select_conflicts(
@@ -96,9 +102,9 @@ def solve_road_conflicts(
     blueprints: Mapping[str, Blueprint],
     *,
     ego: Blueprint,
-    repeat_key: tuple[str, ...] = (),
+    sample_key: tuple[str, ...] = (),
 ) -> tuple[tuple[StagedConflict, ...], Road]:
-    """Solve the conflicts of a scenario; they are the same under every weather.
+    """Solve the conflicts of a scenario; weathers that are paired have the same.
 
     The ego comes from the first arm from which they can be staged. It waits longer than declared
     where it would meet the first actor too soon.
@@ -118,7 +124,7 @@ def solve_road_conflicts(
             waiting = place.change_roads(partial(_let_ego_wait, longer_s=longer_s))
             try:
                 return _solve_place(
-                    library, suite, waiting, density, blueprints, ego=ego, repeat_key=repeat_key
+                    library, suite, waiting, density, blueprints, ego=ego, sample_key=sample_key
                 )
             except UnstageableError as refusal:
                 refusals.append(refusal)
@@ -149,16 +155,21 @@ def _solve_place(
     blueprints: Mapping[str, Blueprint],
     *,
     ego: Blueprint,
-    repeat_key: tuple[str, ...],
+    sample_key: tuple[str, ...],
 ) -> tuple[tuple[StagedConflict, ...], Road]:
     solutions: list[StagedConflict] = []
     drive = build_ego_drive(to_plan_frame(cell.road))
+    not_before_s = compute_first_event_s(suite.timing)
     for index, conflict in enumerate(cell.conflicts, start=1):
+        if solutions and solutions[-1].resolved_by == "nobody":
+            message = f"the scenario ends with the collision of '{solutions[-1].conflict}'"
+            finding = Finding(("id",), message, "stage one in a scenario: `staged_at_once: 1`")
+            raise UnstageableError(cell.road, conflict, finding)
         if suite.resolved_by is not None:
             conflict = conflict.model_copy(update={"resolved_by": suite.resolved_by})
-        key = "/".join((cell.road.id, conflict.id, density.id, *repeat_key))
+        key = "/".join((cell.road.id, conflict.id, density.id, *sample_key))
         try:
-            solution, road = solve_conflict(
+            solution, limited = solve_conflict(
                 conflict,
                 find_typology(library, conflict),
                 drive,
@@ -167,23 +178,22 @@ def _solve_place(
                 seed=suite.seeds.traffic,
                 key=key,
                 index=index,
-                not_before_s=compute_first_event_s(suite.timing),
+                not_before_s=not_before_s,
             )
         except (UnsolvableError, InputError) as error:
             finding = Finding(("id",), str(error), "")
             raise UnstageableError(cell.road, conflict, finding) from None
-        if road is not drive.road:
-            drive = build_ego_drive(road)
+        # Whether it leaves room shows in the drive that earlier conflicts alone limit.
+        drive = limited.with_zones(*drive.zones)
         finding = find_infeasibility(conflict, drive, density, solution) or find_crowding(
             solution, solutions, suite.timing
         )
         if finding is not None:
             raise UnstageableError(cell.road, conflict, finding)
+        drive = limited
         solutions.append(solution)
-        if solution.resolved_by == "nobody":
-            break  # the scenario ends with the collision
-    road = cell.road
-    if road.is_left_hand:
+        not_before_s = compute_meeting_s(solution) + CALM_S
+    if cell.road.is_left_hand:
         return tuple(map(mirror_conflict, solutions)), mirror_road(drive.road)
     return tuple(solutions), drive.road
 
@@ -247,16 +257,20 @@ def _select_listed(
         conflicts = tuple(declared[name] for name in names)
         for index, conflict in enumerate(conflicts):
             binding = _match_conflict(library, conflict, road, groups)
-            if binding.standing in ("invalid", "variant"):
+            if binding.standing == "invalid" or (
+                binding.standing == "variant" and "variant" not in suite.standings
+            ):
                 message = f"'{conflict.id}' cannot be staged on '{road.id}': {binding.reason}"
                 problems.append(
                     library.build_diagnostic(suite, "stage", declared_id, index, message=message)
                 )
-        problems += _find_unstaged_groups(library, suite, road, conflicts, groups)
         count = suite.staged_at_once or max(len(conflicts), 1)
         turns = [conflicts[at : at + count] for at in range(0, max(len(conflicts), 1), count)]
-        for manoeuvres in ({item.ego.manoeuvre for item in turn} for turn in turns):
-            if len(manoeuvres) > 1:
+        staged = tuple(conflict for turn in turns[: suite.repeats] for conflict in turn)
+        problems += _find_unstaged_groups(library, suite, road, staged, groups)
+        for turn in turns:
+            others = {item.ego.manoeuvre for item in turn[1:] if not is_crossing(item)}
+            if len(manoeuvres := {item.ego.manoeuvre for item in turn[:1]} | others) > 1:
                 message = f"the ego cannot go {' and '.join(sorted(manoeuvres))} in one scenario"
                 problem = library.build_diagnostic(suite, "stage", declared_id, message=message)
                 problems.append(problem)
@@ -287,10 +301,10 @@ def _find_unstaged_groups(
         find_typology(library, conflict) for conflict in library.get_declarations(Conflict).values()
     }
     for name in sorted((wanted & stageable) - staged):
-        message = f"'{road.id}' is selected for {name}, which none of its conflicts stages"
+        message = f"'{road.id}' is selected for {name}, which none of its scenarios stages"
         hint = (
-            "add one of that group's conflicts, or stage single ones with"
-            f" `cross_conflicts: [{', '.join(item.id for item in conflicts)}]` instead"
+            "add one of that group's conflicts, or repeats until its turn; or stage single ones"
+            f" with `cross_conflicts: [{', '.join(item.id for item in conflicts)}]` instead"
         )
         yield library.build_diagnostic(suite, "stage", declared_id, message=message, hint=hint)
     for name in sorted(staged - wanted):

@@ -90,7 +90,13 @@ RUN_UP_M = {"bicycle": (6.0, 25.0)}
 Euro NCAP's cyclists are steady from 17 and 22 m before the impact on."""
 FIRST_CROSSING_FRACTION, NEXT_CROSSING_FRACTION = 0.55, 0.3
 """Fraction of the ego's drive at which it is crossed between junctions, and steps to the next."""
+DRIVEWAY_M = 3.0
+"""Distance beyond the edge of the ego's exit street at which an actor sets out."""
 CLEAR_OF_JUNCTIONS_M = 8.0
+CLEAR_OF_TURN_M = 25.0
+"""Distance behind a junction from which on an ego goes straight on."""
+SETTLED_S = 1.0
+"""Time by which a conflict comes later than it has to: an ego that reacts restarts late."""
 ASIDE_RATIO = 0.35
 """Metres ahead that an actor walks for each metre to the side when it leaves the ego's lane."""
 LANE_HUGGING_FRACTION = 0.15
@@ -106,6 +112,10 @@ def place_across(case: ConflictCase) -> ActorPlacement:
     wait = _compute_waiting_offset_m(case, segment, right=nearside)
     wait = max(wait, case.parameters.get("start_lateral_m", 0.0))
     run_up, longest = RUN_UP_M.get(case.actor.actor_class, (0.0, 0.0))
+    if case.index > 1 and station > segment.start_m:  # not on a crossing, to which sidewalks lead
+        strips = segment.strips_on_side(right=nearside)
+        edge = abs(segment.lateral_offset(strips[-1].outer_t))
+        longest = min(longest, max(edge + DRIVEWAY_M - wait, 0.0))
     start = wait + min(max(run_up, compute_needed_approach_m(case) - wait), longest)
     # A metre past where it would wait on the other side, so that it is clear of the lanes.
     end = _compute_waiting_offset_m(case, segment, right=not nearside) + 1.0
@@ -140,16 +150,22 @@ def _compute_waiting_offset_m(case: ConflictCase, segment: RouteSegment, *, righ
 
 
 def _find_crossed_station(case: ConflictCase) -> float:
-    """Find the station at which the ego is crossed: on the exit crossing, or between junctions."""
+    """Find the station at which the ego is crossed: on the exit crossing, or between junctions.
+
+    After another conflict at a junction it is crossed on the street behind, clear of the turn.
+    """
     drive = case.drive
+    earliest = drive.motion.station_at(case.not_before_s + SETTLED_S) if case.index > 1 else 0.0
     if drive.road.junction == "intersection":
         _, _, after = find_ego_intersection(drive)
+        if case.index > 1 and case.conflict.ego.manoeuvre == "straight":
+            return max(earliest, after.start_m + CLEAR_OF_TURN_M)
         if case.conflict.parameters.obstruction_gap_m is None:
             return after.start_m - CROSSING_OFFSET_M
         # Cars that hide the actor are parked along the street, not at its crossing.
         return (after.start_m + min(after.end_m, drive.end_m)) / 2
     fraction = FIRST_CROSSING_FRACTION + (case.index - 1) * NEXT_CROSSING_FRACTION
-    wanted = drive.start_m + fraction * (drive.end_m - drive.start_m)
+    wanted = max(drive.start_m + fraction * (drive.end_m - drive.start_m), earliest)
     is_inside = any(
         item.start_m + CLEAR_OF_JUNCTIONS_M < wanted < item.end_m - CLEAR_OF_JUNCTIONS_M
         for item in drive.path.segments

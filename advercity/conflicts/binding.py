@@ -42,6 +42,14 @@ class Binding:
     reason: str = ""
 
 
+def is_crossing(conflict: Conflict) -> bool:
+    """Return whether a conflict's actor crosses the street of an ego that goes straight on.
+
+    It can do so at any place, so also after the ego has turned.
+    """
+    return conflict.ego.manoeuvre == "straight" and conflict.actor.comes in ("nearside", "farside")
+
+
 def match_conflict(conflict: Conflict, road: Road, *, called_for: bool) -> Binding:
     """Match a conflict to a road that its typology calls for, or not."""
     turn = name_in_world(conflict.ego.manoeuvre, road)

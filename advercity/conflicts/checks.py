@@ -90,13 +90,13 @@ def find_crowding(
     Both parties have to be seen before they meet, and one has to have reacted to an event before
     the next.
     """
-    meets_s, first_s = _find_meeting_s(staged), compute_first_event_s(timing)
-    previous = max(earlier, key=_find_meeting_s, default=None)
+    meets_s, first_s = compute_meeting_s(staged), compute_first_event_s(timing)
+    previous = max(earlier, key=compute_meeting_s, default=None)
     if meets_s < first_s:
         after, left_s = "the recording begins", meets_s - first_s + CALM_S
         hint = "raise waits_s of the road's ego, or lower timing.warm_up_ticks of the suite"
-    elif previous is not None and meets_s - _find_meeting_s(previous) < CALM_S:
-        after, left_s = f"'{previous.conflict}'", meets_s - _find_meeting_s(previous)
+    elif previous is not None and meets_s - compute_meeting_s(previous) < CALM_S:
+        after, left_s = f"'{previous.conflict}'", meets_s - compute_meeting_s(previous)
         hint = "stage fewer in one scenario: lower staged_at_once, or leave one out"
     else:
         return None
@@ -104,7 +104,8 @@ def find_crowding(
     return Finding(("id",), message, hint, comes_too_soon=meets_s < first_s)
 
 
-def _find_meeting_s(staged: StagedConflict) -> float:
+def compute_meeting_s(staged: StagedConflict) -> float:
+    """Compute the expected time of a meeting from the scenario's start."""
     return sum(staged.window_s) / 2
 
 
@@ -162,7 +163,7 @@ def _check_lateral_acceleration(solution: _Solution) -> Finding | None:
 
 
 def _check_arrival(solution: _Solution) -> Finding | None:
-    actor, expected_s = solution.actor, _find_meeting_s(solution.staged)
+    actor, expected_s = solution.actor, compute_meeting_s(solution.staged)
     # Actors on paths of their own may have set out before the scenario begins.
     if actor.behaviour != "stops_short" or not actor.route:
         return None

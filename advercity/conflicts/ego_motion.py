@@ -203,7 +203,10 @@ class EgoDrive:
 
     def limit_speed(self, station_m: float, speed_m_s: float) -> "EgoDrive":
         """Return the drive with a speed limit before a conflict point at a station."""
-        zones = (build_speed_zone(station_m - self.start_m, speed_m_s),)
+        return self.with_zones(*self.zones, build_speed_zone(station_m - self.start_m, speed_m_s))
+
+    def with_zones(self, *zones: SpeedZone) -> "EgoDrive":
+        """Return the drive with other speed limits of conflicts."""
         motion = compute_nominal_motion(self.road, self.planner, self.path, self.start_m, zones)
         return replace(self, motion=motion, zones=zones)
 

@@ -8,10 +8,13 @@ import numpy as np
 from advercity_dsl import Spec
 
 from advercity.conflicts.case import CALM_S
+from advercity.conflicts.crossing_people import find_roadway, measure_crossing_share
 from advercity.conflicts.metrics import BoxOverlap, Encounter, find_overlaps, measure_encounter
 from advercity.conflicts.outcome import ConflictOutcome, evaluate_outcomes
 from advercity.conflicts.resolution import EVASIVE_SHIFT_M, Resolution
 from advercity.frames import Trace
+from advercity.roads.mirrored_traffic import mirror_trace
+from advercity.roads.plan_frame import to_plan_spec
 
 ENCOUNTER_RANGE_M = 30.0
 """Distance within which an actor counts as met by the ego."""
@@ -40,6 +43,8 @@ class TrafficReport:
         staged: What came of the staged conflicts, in their order.
         met: The ego's encounters with all actors that come near it, the nearest first; tractor
             units and semi-trailers have their own.
+        crossing_share: Fraction of the background pedestrians who set foot on a roadway; None
+            without any.
         overlaps: Actors in one place, tick by tick; there should be none but those of collisions.
         is_recorded: Whether actors follow recorded trajectories, which may have collisions.
     """
@@ -53,6 +58,7 @@ class TrafficReport:
     staged: tuple[ConflictOutcome, ...]
     met: tuple[Encounter, ...]
     overlaps: tuple[BoxOverlap, ...]
+    crossing_share: float | None = None
     is_recorded: bool = False
 
     @property
@@ -119,8 +125,15 @@ def build_traffic_report(spec: Spec, trace: Trace, trace_sha256: str) -> Traffic
         staged=tuple(evaluate_outcomes(spec, trace)),
         met=tuple(met),
         overlaps=tuple(find_overlaps(trace)),
+        crossing_share=_measure_crossing_share(spec, trace),
         is_recorded=spec.road.trajectories is not None,
     )
+
+
+def _measure_crossing_share(spec: Spec, trace: Trace) -> float | None:
+    if spec.road.is_left_hand:
+        spec, trace = to_plan_spec(spec), mirror_trace(trace)
+    return measure_crossing_share(spec, trace, find_roadway(spec))
 
 
 def _compute_driving_extremes(trace: Trace) -> DrivingExtremes:

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 import shapely
-from advercity_dsl import Blueprint, Conflict, Road, StagedActor, StagedConflict
+from advercity_dsl import Blueprint, Conflict, StagedActor, StagedConflict
 from advercity_dsl.distribution import compute_bounds
 from advercity_dsl.units import KM_H_PER_M_S, Point2
 from numpy.typing import NDArray
@@ -185,14 +185,15 @@ def solve_conflict(
     key: str,
     index: int,
     not_before_s: float,
-) -> tuple[StagedConflict, Road]:
+) -> tuple[StagedConflict, EgoDrive]:
     """Place all participants of a conflict, with their speeds and the expected time.
 
     In its drive the ego, whose blueprint is `ego`, makes the conflict's manoeuvre; `typology` is an
     id. All draws depend on `seed` and `key` (road, conflict and density, so that all weathers share
     them). `index` is the number among the scenario's conflicts, from 1; nothing critical happens
-    before `not_before_s` from the scenario's start. The returned road has the drive's lights, timed
-    for the ego, or for an actor that runs them, in the first of the conflicts.
+    before `not_before_s` from the scenario's start. The returned drive has its speed limited where
+    it meets the actor, and the lights of its road are timed for the ego, or for an actor that runs
+    them, in the first of the conflicts.
 
     Raises:
         UnsolvableError: The conflict does not fit the road.
@@ -219,7 +220,7 @@ def solve_conflict(
     case = advance_green(case, place) if index == 1 else case
     if lights is not None:
         case = time_lights(case, place, lights)
-    return _build_staged_conflict(case, typology, place_actor(case)), case.drive.road
+    return _build_staged_conflict(case, typology, place_actor(case)), case.drive
 
 
 def _build_staged_conflict(

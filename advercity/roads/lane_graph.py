@@ -16,6 +16,15 @@ MAX_LANE_DISTANCE_M = 3.5
 """Between a declared pose and the centre line of its lane; a lane's width."""
 
 
+@dataclass(frozen=True)
+class StreetCrossing:
+    """A way from a sidewalk across a street to another one, at the sidewalk's end or its begin."""
+
+    sidewalk: str
+    opposite: str
+    at_end: bool
+
+
 @dataclass(frozen=True, eq=False)
 class LaneGraph:
     """All lanes of a network by id, in file order, and how they connect."""
@@ -124,6 +133,22 @@ class LaneGraph:
             edge: tuple(sorted(find(lane.id, steps, crossing=use_crossings) - {edge}))
             for edge, lane in self.sidewalks.items()
         }
+
+    @cached_property
+    def street_crossings(self) -> tuple[StreetCrossing, ...]:
+        """Ways from each sidewalk across a street to another."""
+        along, across = (self.find_adjacent_sidewalks(use_crossings=use) for use in (False, True))
+        return tuple(
+            self._locate_crossing(edge, other)
+            for edge in sorted(across)
+            for other in across[edge]
+            if other not in along[edge]
+        )
+
+    def _locate_crossing(self, edge: str, opposite: str) -> StreetCrossing:
+        own, other = (self.sidewalks[name].shape[[0, -1], :2] for name in (edge, opposite))
+        begin_m, end_m = np.linalg.norm(own[:, None] - other, axis=2).min(axis=1)
+        return StreetCrossing(edge, opposite, at_end=bool(end_m < begin_m))
 
     def _is_footway_connection(self, link: LaneConnection) -> bool:
         ends = (self.lanes[link.origin], self.lanes[link.target])

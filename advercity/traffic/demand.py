@@ -127,7 +127,11 @@ class TrafficDemand:
 
 
 def draw_demand(
-    spec: Spec, graph: LaneGraph, redraws: Mapping[int, int] | None = None
+    spec: Spec,
+    graph: LaneGraph,
+    redraws: Mapping[int, int] | None = None,
+    *,
+    crossing_share: float | None = None,
 ) -> TrafficDemand:
     """Draw the demand of a scenario, a pure function of its traffic seed, road and numbers.
 
@@ -137,6 +141,7 @@ def draw_demand(
         spec: The scenario.
         graph: Lanes of the road.
         redraws: Number of draws to pass over, by id of a background actor that blocked another.
+        crossing_share: Fraction of the people who set out to cross; None is the declared one.
 
     Raises:
         InputError: A start, route or blueprint does not exist, or the road has no room for all.
@@ -158,7 +163,13 @@ def draw_demand(
             _build_staged_trip(item, spec, graph, occupancy) for item in staged if item.route
         ),
         vehicles=tuple(_draw_background_trips(spec, graph, occupancy, vehicles, redraws)),
-        walkers=draw_pedestrian_trips(spec, graph, max(spec.demand.walkers - on_foot, 0), redraws),
+        walkers=draw_pedestrian_trips(
+            spec,
+            graph,
+            max(spec.demand.walkers - on_foot, 0),
+            redraws,
+            crossing_share=crossing_share,
+        ),
         scripted=tuple(_build_staged_actor(item, spec) for item in staged if not item.route),
     )
 
@@ -307,26 +318,17 @@ def _draw_background_trips(
         actor = _draw_actor(spec, number)
         trailer = build_towed_trailer(spec, actor)
         length_m = trailer.lorry_length_m if trailer else actor.size[0]
-        start: tuple[SumoLane, float] | None = None
-        for attempt in range(redraws.get(number, 0) + 1):
-            shuffled = starts if attempt == 0 else _shuffle_starts(spec, starts, number, attempt)
-            free = (item for item in shuffled if occupancy.has_room(*item, length_m))
-            start = next(free, None) if index < starting else None
-            if start is not None:
-                # A start that is passed over stays empty, so that no other vehicle moves.
-                starts.remove(start)
-                occupancy.occupy(*start, length_m)
+        free = (item for item in starts if occupancy.has_room(*item, length_m))
+        start = next(free, None) if index < starting else None
+        if start is not None:
+            starts.remove(start)
+            occupancy.occupy(*start, length_m)
+        if redraws.get(number, 0):
+            # One that was in the way enters at the edge. Its start stays empty: nobody else moves.
+            start = None
         if start is not None or graph.entry_lanes:
             trip = _draw_trip(spec, graph, actor, start, redraws.get(number, 0), length_m)
             yield _add_trailer(trip, trailer, graph) if trailer else trip
-
-
-def _shuffle_starts(
-    spec: Spec, starts: list[tuple[SumoLane, float]], number: int, attempt: int
-) -> list[tuple[SumoLane, float]]:
-    shuffled = list(starts)
-    create_generator(spec.seeds.traffic, "places", number, attempt).shuffle(shuffled)
-    return shuffled
 
 
 def _draw_trip(

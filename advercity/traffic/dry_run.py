@@ -19,6 +19,7 @@ from advercity.conflicts.clearance import (
     find_blockers,
     find_first_contact,
 )
+from advercity.conflicts.crossing_people import find_roadway, measure_crossing_share
 from advercity.conflicts.outcome import evaluate_outcomes
 from advercity.conflicts.reaction import (
     EgoReaction,
@@ -43,7 +44,7 @@ from advercity.traffic.speed_profile import list_route_lanes
 from advercity.traffic.sumo_recording import SumoRecording, build_trace
 from advercity.traffic.sumo_run import run_sumo
 
-MAX_DRY_RUNS = 40
+MAX_DRY_RUNS = 60
 MAX_LISTED_PAIRS = 4
 """Number of blockages that a message lists."""
 TRIGGER_TOLERANCE_S = 0.06
@@ -53,6 +54,10 @@ DELAYED = {"ego_speed_km_h", "since_red_s"}
 """Parameters that are outside their range where others hold the ego up."""
 DISTURBED = {"ego_speed_km_h", "arrival_offset_s"}
 """Parameters that are outside their range where others hold the ego or the actor up."""
+MAX_CROSSING_RUNS = 3
+"""Dry runs in which more people set out to cross, if too few of them get to do so."""
+CROSSING_GAIN = 1.2
+"""Ratio of the shares of people who set out in two of these runs: more at once crowd the kerbs."""
 MAX_DELAY_REDRAWS = 10
 """In dense traffic there may always be another that holds it up."""
 
@@ -93,6 +98,8 @@ class _DryRuns:
         self._blockers: set[int] = set()
         self._reactions: dict[str, EgoReaction] = {}
         self._delay_redraws = 0
+        self._crossing_share = spec.demand.crossing_share
+        self._crossing_runs = MAX_CROSSING_RUNS if self._crossing_share else 0
         self._ends_with_ego = False
 
     def run_next(self) -> Trace | None:
@@ -102,7 +109,7 @@ class _DryRuns:
             StagingError: Nothing that could be changed would help.
         """
         spec, previous = self._spec, self._schedules
-        demand = draw_demand(spec, self._graph, self._redraws)
+        demand = draw_demand(spec, self._graph, self._redraws, crossing_share=self._crossing_share)
         if self._ends_with_ego:
             demand = let_others_drive_on(spec, demand, self._graph)
         recording = record_traffic(
@@ -121,6 +128,8 @@ class _DryRuns:
                 trip.actor.id: _build_trip_path(trip, self._graph) for trip in demand.staged
             },
         )
+        if self._send_more_across(demand, recording):
+            return None
         crossings = {
             name: reaction.crossing
             for name, reaction in self._reactions.items()
@@ -133,6 +142,20 @@ class _DryRuns:
         if self._redraw_ego_blockers(demand, trace) or self._reschedule(previous, demand, trace):
             return None
         return self._check_result(demand, recording)
+
+    def _send_more_across(self, demand: TrafficDemand, recording: SumoRecording) -> bool:
+        """Let more people set out to cross; False if as many do as declared, or no more can."""
+        if self._crossing_runs == 0:
+            return False
+        self._crossing_runs -= 1
+        spec, declared = self._spec, self._spec.demand.crossing_share
+        trace = build_trace(spec, demand, recording, first_tick=spec.timing.warm_up_ticks + 1)
+        share = measure_crossing_share(spec, trace, find_roadway(spec))
+        if share is None or share >= declared or self._crossing_share >= 1.0:
+            self._crossing_runs = 0
+            return False
+        self._crossing_share *= CROSSING_GAIN
+        return True
 
     @property
     def _has_untriggered(self) -> bool:

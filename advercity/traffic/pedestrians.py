@@ -1,15 +1,16 @@
 """Draw pedestrians' trips over the sidewalks of the site, some of them across streets."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from advercity_dsl import Blueprint, Spec
+from numpy.typing import NDArray
 
 from advercity.frames import Actor
 from advercity.randomness import create_generator
 from advercity.roads.capacity import WALKER_SPACING_M
-from advercity.roads.lane_graph import LaneGraph
+from advercity.roads.lane_graph import LaneGraph, StreetCrossing
 from advercity.roads.network_file import SumoLane
 from advercity.traffic.blueprint_fractions import draw_by_fraction
 from advercity.traffic.paints import draw_paint
@@ -22,6 +23,10 @@ FIRST_BACKGROUND_WALKER = 5001
 MIN_WALKING_SPEED_M_S, MAX_WALKING_SPEED_M_S = 1.0, 2.0
 MIN_LEG_M = 5.0
 END_CLEARANCE_M = 0.5
+MAX_CROSSING_DRAWS = 2
+"""A person who still is in the way after that many draws does not cross."""
+CROSSING_WINDOW_S = 8.0
+"""People who cross a street come to it within this time from the begin of the recording."""
 
 AdjacentSidewalks = Mapping[str, tuple[str, ...]]
 
@@ -47,15 +52,24 @@ class PedestrianTrip:
 
 
 def draw_pedestrian_trips(
-    spec: Spec, graph: LaneGraph, count: int, redraws: Mapping[int, int]
+    spec: Spec,
+    graph: LaneGraph,
+    count: int,
+    redraws: Mapping[int, int],
+    *,
+    crossing_share: float | None = None,
 ) -> tuple[PedestrianTrip, ...]:
     """Draw the trips of people on foot.
+
+    Those who cross a street start so near to it that they can be there soon after the recording
+    begins.
 
     Args:
         spec: The scenario.
         graph: Lanes of the road.
         count: Number of people; fewer are drawn if the sidewalks are full.
         redraws: Number of draws to pass over, by id of a person.
+        crossing_share: Fraction of the people who set out to cross; None is the declared one.
     """
     starts = list(
         iterate_start_positions(
@@ -72,10 +86,62 @@ def draw_pedestrian_trips(
         crossing: graph.find_adjacent_sidewalks(use_crossings=crossing)
         for crossing in (False, True)
     }
-    return tuple(
+    trips = [
         _draw_trip(spec, graph, adjacent, people, number, redraws.get(number, 0), starts, start)
         for number, start in enumerate(starts[:count], FIRST_BACKGROUND_WALKER)
+    ]
+    share = spec.demand.crossing_share if crossing_share is None else crossing_share
+    kerbs = _KerbPlaces(spec, graph)
+    return tuple(
+        kerbs.send_across(trip, adjacent[True], redraws.get(trip.actor.id, 0))
+        if redraws.get(trip.actor.id, 0) < MAX_CROSSING_DRAWS
+        and _draw_inclination(spec, trip) < share
+        else trip
+        for trip in trips
     )
+
+
+def _draw_inclination(spec: Spec, trip: PedestrianTrip) -> float:
+    """Draw the share from which on a person is one of those who cross."""
+    return float(create_generator(spec.seeds.traffic, "crossing", trip.actor.id).random())
+
+
+class _KerbPlaces:
+    """Places from which people come to the crossings of a site; each is taken once."""
+
+    def __init__(self, spec: Spec, graph: LaneGraph) -> None:
+        self._spec, self._graph = spec, graph
+        areas = compute_start_areas(spec)
+        self._crossings = [
+            item
+            for item in graph.street_crossings
+            if any(area.contains(self._locate_end(item)).any() for area in areas)
+        ]
+        self._taken = set[tuple[str, float]]()
+
+    def _locate_end(self, crossing: StreetCrossing) -> NDArray[np.float64]:
+        return self._graph.sidewalks[crossing.sidewalk].shape[[-1 if crossing.at_end else 0], :2]
+
+    def send_across(
+        self, trip: PedestrianTrip, adjacent: AdjacentSidewalks, redraws: int
+    ) -> PedestrianTrip:
+        """Return the trip of a person who first crosses a street; as it is where none can be."""
+        timing = self._spec.timing
+        draw = create_generator(self._spec.seeds.traffic, "crosses", trip.actor.id, redraws)
+        for at in draw.permutation(len(self._crossings)).tolist():
+            crossing = self._crossings[at]
+            after_s = timing.warm_up_ticks * timing.tick_s + draw.uniform(0, CROSSING_WINDOW_S)
+            length_m = self._graph.sidewalks[crossing.sidewalk].length_m
+            before_m = min(float(round(trip.speed_m_s * after_s)), length_m - END_CLEARANCE_M)
+            start_m = length_m - before_m if crossing.at_end else before_m
+            if (crossing.sidewalk, start_m) not in self._taken:
+                self._taken.add((crossing.sidewalk, start_m))
+                far_m = self._graph.sidewalks[crossing.opposite].length_m / 2
+                way_m = trip.speed_m_s * timing.max_ticks * timing.tick_s
+                onward = _draw_legs(self._graph, adjacent, crossing.opposite, far_m, way_m, draw)
+                first = WalkLeg((crossing.sidewalk, crossing.opposite), far_m)
+                return replace(trip, edge=crossing.sidewalk, start_m=start_m, legs=(first, *onward))
+        return trip
 
 
 def _draw_trip(
@@ -95,14 +161,13 @@ def _draw_trip(
     name = usual[draw.integers(len(usual))]
     name = draw_by_fraction(people, spec.seeds.traffic, "walker fraction", number) or name
     paint = draw_paint("pedestrian", spec.seeds.traffic, number)
-    crosses = bool(draw.random() < spec.demand.crossing_share)
     speed = float(draw.uniform(MIN_WALKING_SPEED_M_S, MAX_WALKING_SPEED_M_S))
     distance = speed * spec.timing.max_ticks * spec.timing.tick_s
     return PedestrianTrip(
         actor=Actor.from_blueprint(number, name, spec.blueprints[name], paint),
         edge=lane.edge,
         start_m=start_m,
-        legs=tuple(_draw_legs(graph, adjacent[crosses], lane.edge, start_m, distance, draw)),
+        legs=tuple(_draw_legs(graph, adjacent[False], lane.edge, start_m, distance, draw)),
         speed_m_s=speed,
     )
 

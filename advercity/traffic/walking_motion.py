@@ -61,7 +61,9 @@ def compute_walker_states(
     """
     path = _walk_after(track, length_m, speed_m_s, tick_s)
     smooth = partial(MotionSpline.from_samples, tick_s=tick_s, ticks=smoothing_ticks)
-    plan = smooth(path)
+    # People who walk at either end of their track have walked before and walk on.
+    steps = np.diff(path, prepend=path[0])
+    plan = smooth(path, first_step=steps[:2][-1], last_step=steps[-1])
     height = smooth(_find_heights_along(path, track) + kerb_height(plan.values))
     yaw = smooth(_find_walking_headings(path, track, tick_s))
     upright = np.zeros((2, len(track)))

@@ -234,7 +234,7 @@ class Conflict(Declaration):
         return self
 
 
-class StagedActor(Model):
+class StagedActor(CompactModel):
     """An actor that takes part in a conflict with the ego.
 
     It drives a route in lanes, or follows a free path over any ground.
@@ -275,7 +275,7 @@ class StagedConflict(Model):
     ego: CrashRole
     manoeuvre: Manoeuvre
     """Manoeuvre of the ego."""
-    violates: Literal["signal"] | None = None
+    violates: Literal["signal"] | None = Field(default=None, exclude_if=is_none)
     """Traffic control that the actor violates."""
     light: str | None = Field(default=None, exclude_if=is_none)
     """Light that it violates, `<junction>/<street>`; None on imported roads."""

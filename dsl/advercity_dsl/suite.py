@@ -203,14 +203,15 @@ class Suite(Declaration):
     stage: ByName[Items[Id]] = Field(default_factory=dict)
     """Conflicts that the scenarios of a road stage, by road id, in the order of occurrence."""
     staged_at_once: Annotated[Count, Field(ge=1)] | None = Field(default=None, exclude_if=is_none)
-    """Highest number of conflicts in one scenario; densities and repeats take turns over the rest
-    of a road's list. All of the list where omitted."""
+    """Highest number of conflicts in one scenario; repeats take turns over the rest of a road's
+    list, which all densities stage alike. All of the list where omitted."""
     cross_conflicts: IdSelection = ()
     """Conflicts that get their own scenarios on every road where they can be staged."""
     standings: Items[ConflictFit] = Field(
         default=("primary",), exclude_if=lambda standings: standings == ("primary",)
     )
-    """How conflicts of `cross_conflicts` must match a road: primary, extension or variant."""
+    """How conflicts of `cross_conflicts` must match a road: primary, extension or variant. Those of
+    `stage` may be variants where it is among these."""
     looks: Looks = Field(default="full", exclude_if=lambda looks: looks == "full")
     """Whether bodies are models and surfaces photographs of asset packages, which a run then needs
     (`full`), or both are generated (`shaped`)."""
@@ -235,7 +236,8 @@ class Suite(Declaration):
         default="weather", exclude_if=lambda pairing: pairing == "weather"
     )
     """Whether the ego reacts to staged actors as it would in `reaction_weather`, so that all
-    weathers share the traffic (`weather`), or as in the weather of each scenario (`none`)."""
+    weathers share the traffic and the noise of sensors (`weather`), or as in the weather of each
+    scenario, which has seeds of its own (`none`)."""
     reaction_weather: Id | None = Field(default=None, exclude_if=is_none)
     """Weather whose friction and visibility the ego reacts with; without it, a dry road in clear
     air."""
@@ -253,6 +255,6 @@ class Suite(Declaration):
     def _check_pairing(self) -> Self:
         if self.pairing == "none" and self.reaction_weather is not None:
             message = "has no effect: the ego reacts as in the weather of each scenario"
-            hint = "remove it, or write `pairing: weather`"
+            hint = "remove it (`null` where it is inherited), or write `pairing: weather`"
             raise InvalidCombination(("reaction_weather",), message, hint, other_path=("pairing",))
         return self

@@ -83,19 +83,20 @@ def test_repeats_are_scenarios_that_differ_in_traffic_and_share_it_over_weathers
 
 def test_at_the_limit_an_ego_cannot_always_stop_in_sight(library: Path, tmp_path: Path) -> None:
     """At 90 km/h, 1.5 s and 0.8 g take 77.4 m; fog_day has a visibility of 75 m."""
-    header = "kind: suite\nid: fast\nextends: free_flow\nroads: [ui, rsnj]\nrepeats: 1\n"
+    header = "kind: suite\nid: fast\nextends: free_flow\nroads: [ui, rsnj]\n"
     (tmp_path / "fast.yaml").write_text(header + "weathers: [clear_day, fog_day]\n")
 
-    fast = compile_library(library, tmp_path, suite="fast")
+    compiled = compile_library(library, tmp_path, suite="fast")
+    fast = [spec for spec in compiled if spec.provenance.repeat == 1]
 
     stopping = {spec.id: compute_stopping_distance(spec) for spec in fast}
     assert {name: found.can_stop_in_sight for name, found in stopping.items()} == {
-        "ui_clear_day_free_flow": True,
-        "ui_fog_day_free_flow": True,
-        "rsnj_clear_day_free_flow": True,
-        "rsnj_fog_day_free_flow": False,
+        "ui_clear_day_free_flow_r1": True,
+        "ui_fog_day_free_flow_r1": True,
+        "rsnj_clear_day_free_flow_r1": True,
+        "rsnj_fog_day_free_flow_r1": False,
     }
-    assert stopping["rsnj_clear_day_free_flow"].distance_m == pytest.approx(77.4, abs=0.5)
+    assert stopping["rsnj_clear_day_free_flow_r1"].distance_m == pytest.approx(77.4, abs=0.5)
     assert {street.speed_limit_km_h for spec in fast for street in spec.road.streets.values()} == {
         50,
         90,
@@ -111,9 +112,8 @@ def test_each_road_has_the_crash_groups_that_require_it(specs: dict[str, Spec]) 
         }
         for road in ROADS
     }
-    # A third conflict, with a cyclist, takes its turn at `ui` where a suite has repeats.
     assert groups == {
-        "ui": {"pedestrian", "crossing_paths"},
+        "ui": {"pedestrian", "pedalcyclist", "crossing_paths"},
         "unj": {"pedestrian"},
         "ri": {"pedalcyclist", "crossing_paths"},
         "rsnj": {"opposite_direction"},

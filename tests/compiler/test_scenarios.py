@@ -3,6 +3,7 @@ import pytest
 from advercity.compiler import (
     compare_specs,
 )
+from advercity.errors import InputError
 from tests.builders import Compile
 
 SUITE = "kind: suite\nid: small\nrig: one_camera\ncatalogue: one_car\n"
@@ -65,3 +66,25 @@ def test_a_suite_keeps_only_scenarios_that_meet_its_conditions(compile_small: Co
     assert kept("weather.time: [day, night]") == {"dark", "clear_day", "fog40", "fog400"}
     assert kept("weather.fog.mor_m: {at_most: 0.1 km}") == {"fog40"}
     assert kept("weather.fog.mor_m: {at_least: 10}, road.land_use: rural") == {"fog40", "fog400"}
+
+
+@pytest.mark.parametrize(("pairing", "seeds"), [("weather", 1), ("none", 2)])
+def test_scenarios_that_are_not_paired_are_samples_of_their_own(
+    compile_small: Compile, pairing: str, seeds: int
+) -> None:
+    specs = compile_small(suite=SUITE + f"pairing: {pairing}\n", fog=FOG)
+
+    assert len(specs) == 2
+    assert len({spec.seeds.traffic for spec in specs.values()}) == seeds
+    assert len({spec.seeds.sensors for spec in specs.values()}) == seeds
+
+
+def test_an_inherited_weather_to_react_in_is_removed_by_null(compile_small: Compile) -> None:
+    paired = SUITE.replace("small", "paired") + "reaction_weather: clear_day\n"
+    apart = "kind: suite\nid: small\nextends: paired\npairing: none\ndefault: true\n"
+
+    specs = compile_small(paired=paired, suite=apart + "reaction_weather: null\n", fog=FOG)
+
+    assert len({spec.seeds.traffic for spec in specs.values()}) == 2
+    with pytest.raises(InputError, match="remove it \\(`null` where it is inherited\\)"):
+        compile_small(paired=paired, suite=apart, fog=FOG)

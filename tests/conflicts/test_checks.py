@@ -1,6 +1,7 @@
 """What keeps a conflict from being staged is told to whoever wrote it."""
 
 import shutil
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -55,7 +56,7 @@ MISTAKES = {
     ),
     "V4 a head-on conflict beside a median": (
         "suites/adver_city.yaml",
-        "unj: [ped_farside_crossing, ped_nearside_crossing]",
+        "unj: [ped_farside_crossing]",
         "unj: [od_drift]",
         "'od_drift' cannot be staged on 'unj': a median divides it",
     ),
@@ -73,8 +74,8 @@ MISTAKES = {
     ),
     "V8 one event before the other is over": (
         "suites/adver_city.yaml",
-        "staged_at_once: 1",
-        "staged_at_once: 2",
+        "ui: [ltap_od_ego_turns, ped_farside_crossing, cyc_nearside_obstructed]",
+        "ui: [ltap_od_ego_turns, ped_left_turn, cyc_nearside_obstructed]",
         "s after 'ltap_od_ego_turns'; at least 4 s are needed",
     ),
     "V8 an event before anybody could see it coming": (
@@ -169,9 +170,27 @@ MISTAKES = {
     ),
     "V14 a group that nothing stages": (
         "suites/adver_city.yaml",
-        "ri: [ltap_od_ego_turns, cyc_left_turn]",
+        "ri: [ltap_od_ego_turns, cyc_nearside_obstructed]",
         "ri: [ltap_od_ego_turns]",
-        "'ri' is selected for pedalcyclist, which none of its conflicts stages",
+        "'ri' is selected for pedalcyclist, which none of its scenarios stages",
+    ),
+    "V14 a group whose turn never comes": (
+        "suites/adver_city.yaml",
+        "default: true",
+        "default: true\nstaged_at_once: 2\nrepeats: 1",
+        "'ui' is selected for pedalcyclist, which none of its scenarios stages",
+    ),
+    "V14 a conflict after a collision": (
+        "suites/adver_city.yaml",
+        "default: true",
+        "default: true\nresolved_by: {nobody: 1}",
+        "the scenario ends with the collision of 'ltap_od_ego_turns'",
+    ),
+    "V14 an ego that would have to turn both ways": (
+        "suites/adver_city.yaml",
+        "ri: [ltap_od_ego_turns, cyc_nearside_obstructed]",
+        "ri: [ltap_od_ego_turns, cyc_right_hook]",
+        "the ego cannot go left and right in one scenario",
     ),
 }
 
@@ -214,7 +233,7 @@ def test_no_conflict_has_a_parameter_outside_its_declared_range(copied: Path):
         for conflict in spec.conflicts
     ]
 
-    assert len(conflicts) == 10 + 62 + 6
+    assert len(conflicts) == 16 + 62 + 6
     for conflict in conflicts:
         for name, (low, high) in conflict.declared.items():
             value = conflict.parameters[name]
@@ -259,12 +278,14 @@ def test_a_road_of_its_own_that_a_crossed_conflict_does_not_fit_is_not_left_out(
 
 
 def test_another_conflict_leaves_the_draws_of_the_others(copied: Path):
+    edited(copied, "suites/adver_city.yaml", "default: true", "default: true\nstaged_at_once: 1")
+    edited(copied, "suites/adver_city.yaml", "roads: all", "roads: [unj]")
     before = {spec.id: spec.conflicts for spec in compile_library(copied)}
     edited(
         copied,
         "suites/adver_city.yaml",
-        "unj: [ped_farside_crossing, ped_nearside_crossing]",
-        "unj: [ped_farside_crossing, ped_nearside_crossing, ped_along_road]",
+        "unj: [ped_farside_crossing]",
+        "unj: [ped_farside_crossing, ped_along_road]",
     )
 
     assert {spec.id: spec.conflicts for spec in compile_library(copied)} == before
@@ -272,7 +293,8 @@ def test_another_conflict_leaves_the_draws_of_the_others(copied: Path):
 
 def test_who_crosses_next_crosses_farther_on(copied: Path):
     edited(copied, "suites/adver_city.yaml", "roads: all", "roads: [unj]")
-    edited(copied, "suites/adver_city.yaml", "staged_at_once: 1", "staged_at_once: 2")
+    pair = "unj: [ped_farside_crossing, ped_nearside_crossing]"
+    edited(copied, "suites/adver_city.yaml", "unj: [ped_farside_crossing]", pair)
     edited(copied, "roads/unj.yaml", "destination_m: [67.61, 3.66]", "destination_m: [20, 3.66]")
 
     for spec in compile_library(copied):
@@ -282,18 +304,54 @@ def test_who_crosses_next_crosses_farther_on(copied: Path):
         assert near.window_s[0] >= far.window_s[0] + 4.0
 
 
-def test_densities_and_repeats_take_turns_over_the_conflicts_of_a_road(copied: Path):
-    """Three conflicts and two densities: all six pairs come within three repeats."""
-    edited(copied, "suites/adver_city.yaml", "default: true", "default: true\nrepeats: 3")
+def test_both_densities_of_a_road_stage_the_same_and_every_group_that_calls_for_it(copied: Path):
+    wanted = {
+        "ui": {"crossing_paths", "pedestrian", "pedalcyclist"},
+        "unj": {"pedestrian"},
+        "ri": {"crossing_paths", "pedalcyclist"},
+        "rsnj": {"opposite_direction"},
+        "rcnj": {"opposite_direction"},
+    }
+    staged: dict[str, set[tuple[str, ...]]] = {}
+    for spec in compile_library(copied):
+        staged.setdefault(spec.road.id, set()).add(tuple(one.conflict for one in spec.conflicts))
+        assert {conflict.typology for conflict in spec.conflicts} == wanted[spec.road.id]
+        times_s = [sum(conflict.window_s) / 2 for conflict in spec.conflicts]
+        assert all(later - one >= 4.0 for one, later in pairwise(times_s))
 
+    assert {road: len(kinds) for road, kinds in staged.items()} == dict.fromkeys(wanted, 1)
+
+
+def test_repeats_take_turns_over_the_conflicts_of_a_road_in_both_densities(copied: Path):
+    turns = ("ltap_od_ego_turns", "ped_left_turn", "cyc_left_turn")
+    edited(copied, "suites/adver_city.yaml", "roads: all", "roads: [ui]")
+    edited(
+        copied,
+        "suites/adver_city.yaml",
+        "ui: [ltap_od_ego_turns, ped_farside_crossing, cyc_nearside_obstructed]",
+        f"ui: [{', '.join(turns)}]",
+    )
+    edited(copied, "suites/adver_city.yaml", "default: true", "repeats: 3\nstaged_at_once: 1")
+
+    staged = [
+        (spec.density.id, spec.id[-2:], [one.conflict for one in spec.conflicts])
+        for spec in compile_library(copied, suite="adver_city")
+    ]
+
+    assert sorted(staged) == [
+        (density, f"r{repeat}", [turn])
+        for density in ("dense", "sparse")
+        for repeat, turn in enumerate(turns, start=1)
+    ]
+
+
+def test_diverse_stages_all_conflicts(copied: Path):
     staged = {
-        (spec.density.id, spec.conflicts[0].conflict)
-        for spec in compile_library(copied)
-        if spec.road.id == "ui" and len(spec.conflicts) == 1
+        one.conflict for spec in compile_library(copied, suite="diverse") for one in spec.conflicts
     }
 
-    turns = ("ltap_od_ego_turns", "ped_left_turn", "cyc_left_turn")
-    assert staged == {(density, turn) for density in ("sparse", "dense") for turn in turns}
+    assert staged == {path.stem for path in (copied / "conflicts").iterdir()}
+    assert len(staged) == 20
 
 
 def test_both_editions_are_whole_and_joined():

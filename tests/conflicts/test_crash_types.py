@@ -35,32 +35,38 @@ def check_crash_type(
 
 
 @pytest.mark.parametrize(
-    ("name", "crash_type"),
+    ("name", "crash_types"),
     [
-        ("ui_clear_day_dense", "nhtsa2019:30"),
+        ("ui_clear_day_dense", (30, 10, 12)),
         # The other traces; weathers share them, so that these ten are those of all 110.
-        pytest.param("unj_clear_day_dense", "nhtsa2019:10", marks=pytest.mark.slow),
-        pytest.param("ri_clear_day_dense", "nhtsa2019:30", marks=pytest.mark.slow),
-        pytest.param("rsnj_clear_day_dense", "nhtsa2019:19", marks=pytest.mark.slow),
-        pytest.param("rcnj_clear_day_dense", "nhtsa2019:19", marks=pytest.mark.slow),
-        ("ui_clear_day_sparse", "nhtsa2019:9"),
-        ("unj_clear_day_sparse", "nhtsa2019:10"),
-        ("ri_clear_day_sparse", "nhtsa2019:11"),
-        ("rsnj_clear_day_sparse", "nhtsa2019:19"),
-        ("rcnj_clear_day_sparse", "nhtsa2019:19"),
+        pytest.param("unj_clear_day_dense", (10,), marks=pytest.mark.slow),
+        pytest.param("ri_clear_day_dense", (30, 12), marks=pytest.mark.slow),
+        pytest.param("rsnj_clear_day_dense", (19,), marks=pytest.mark.slow),
+        pytest.param("rcnj_clear_day_dense", (19,), marks=pytest.mark.slow),
+        ("ui_clear_day_sparse", (30, 10, 12)),
+        ("unj_clear_day_sparse", (10,)),
+        ("ri_clear_day_sparse", (30, 12)),
+        ("rsnj_clear_day_sparse", (19,)),
+        ("rcnj_clear_day_sparse", (19,)),
     ],
 )
 def test_the_scenarios_stage_what_they_say(
-    name: str, crash_type: str, specs: dict[str, Spec], simulate: Callable[[Spec], Trace]
+    name: str,
+    crash_types: tuple[int, ...],
+    specs: dict[str, Spec],
+    simulate: Callable[[Spec], Trace],
 ):
     spec = specs[name]
     trace = simulate(spec)
 
-    (conflict,) = spec.conflicts
-    (row,) = build_table_rows([build_traffic_report(spec, trace, "")])
-    assert name_crash_type(trace, EGO, conflict.actors[0].number) == crash_type
-    assert row["NHTSA type"] == crash_type
-    check_crash_type(spec, conflict, trace)
+    report = build_traffic_report(spec, trace, "")
+    rows = build_table_rows([report])
+    assert report.problems == ()
+    for number, conflict, row in zip(crash_types, spec.conflicts, rows, strict=True):
+        crash_type = f"nhtsa2019:{number}"
+        assert name_crash_type(trace, EGO, conflict.actors[0].number) == crash_type
+        assert row["NHTSA type"] == crash_type
+        check_crash_type(spec, conflict, trace)
 
 
 @pytest.mark.slow
@@ -123,7 +129,7 @@ def test_who_runs_a_light_arrives_moving_in_its_first_seconds_of_red(
     trace = simulate(spec)
     actor = spec.conflicts[0].actors[0]
     _, rows = trace.get_track(actor.number)
-    (outcome,) = build_traffic_report(spec, trace, "").staged
+    outcome, *_ = build_traffic_report(spec, trace, "").staged
 
     red_s = measure_red_s(trace, spec.road, actor.number)
     (reported,) = (item for item in outcome.parameters if item.name == "since_red_s")

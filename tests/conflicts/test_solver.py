@@ -41,7 +41,7 @@ def test_a_conflict_point_is_on_the_path_of_the_ego_and_inside_the_scenario(spec
 @pytest.mark.parametrize("name", ["ri_clear_day_sparse", "ri_clear_day_dense"])
 def test_an_ego_has_green_before_it_would_brake_for_red(specs: dict[str, Spec], name: str):
     spec = specs[name]
-    (conflict,), drive = spec.conflicts, build_ego_drive(spec.road)
+    conflict, drive = spec.conflicts[0], build_ego_drive(spec.road)
     speed_m_s = conflict.parameters["ego_speed_km_h"] / KM_H_PER_M_S
     drive = drive.limit_speed(drive.start_m + conflict.station_m, speed_m_s)
     assert drive.intersection is not None
@@ -72,8 +72,8 @@ def test_roads_have_networks_at_the_limits_of_country_roads(
 
 
 def test_drifting_actors_start_clear_of_connected_vehicles(free_flow: dict[str, Spec]):
-    for spec in free_flow.values():
-        (conflict,) = spec.conflicts
+    staged = ((spec, one) for spec in free_flow.values() for one in spec.conflicts)
+    for spec, conflict in staged:
         actor = conflict.actors[0]
         if actor.behaviour != "drifts":
             continue

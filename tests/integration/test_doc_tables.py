@@ -78,9 +78,11 @@ def test_the_page_of_the_scenarios_has_what_is_measured(
 def test_the_page_of_the_scenarios_has_ten_traces_and_their_means() -> None:
     (table,) = read_tables("docs/scenarios.md")
     *rows, mean, _ = table
-    assert [row["scenario"] for row in rows] == TRACES
+    # A scenario has a row for each of its conflicts.
+    scenarios = {row["scenario"]: row for row in rows}
+    assert [*scenarios] == TRACES
     for head in ("frames", "vehicles", "people"):
-        values = [float(row[head]) for row in rows]
+        values = [float(row[head]) for row in scenarios.values()]
         assert float(mean[head]) == pytest.approx(sum(values) / len(values), abs=0.051)
 
 

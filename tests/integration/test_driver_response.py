@@ -22,8 +22,7 @@ id: {id}
 roads: [unj, ri]
 weathers: [clear_day, soft_rain_day, fog_day, foggy_heavy_rain_day, snow_day]
 densities: [sparse]
-stage: {{unj: [ped_farside_crossing], ri: [ltap_od_ego_turns, cyc_left_turn]}}
-staged_at_once: 1
+stage: {{unj: [ped_farside_crossing], ri: [ltap_od_ego_turns, cyc_nearside_obstructed]}}
 rig: adver_city
 catalogue: adver_city
 {drivers}

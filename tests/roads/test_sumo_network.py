@@ -131,7 +131,7 @@ def test_the_same_road_gives_the_same_bytes(
     assert b"generated on" not in again.read_bytes()
 
 
-@pytest.mark.parametrize(("name", "crossings"), [("ui", 4), ("unj", 0), ("ri", 4), ("rsnj", 0)])
+@pytest.mark.parametrize(("name", "crossings"), [("ui", 4), ("unj", 4), ("ri", 4), ("rsnj", 0)])
 def test_declared_crossings_are_built(networks: dict[str, Any], name: str, crossings: int) -> None:
     built = [edge for edge in networks[name].getEdges() if edge.getFunction() == "crossing"]
     assert len(built) == crossings

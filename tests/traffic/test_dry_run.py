@@ -230,7 +230,10 @@ def test_an_actor_that_stops_short_lets_the_ego_go_first(
     trace = simulated(spec.id)
     numbers = np.array([actor.id for actor in trace.actors])[trace.states["actor"]]
 
-    for conflict in spec.conflicts:
+    # An actor for which the ego brakes goes first.
+    yielding = [conflict for conflict in spec.conflicts if conflict.resolved_by != "ego"]
+    assert yielding
+    for conflict in yielding:
         passes = [
             np.argmin(np.hypot(*(_middles(trace, numbers, number) - conflict.point_m).T))
             for number in (101, conflict.actors[0].number)
@@ -250,7 +253,7 @@ def test_a_scenario_that_ends_before_its_conflict_says_what_to_change(
         )
 
     assert (
-        "the ego does not cross the path of conflict_1 (ped_nearside_crossing) before it arrives or"
+        "the ego does not cross the path of conflict_1 (ped_farside_crossing) before it arrives or"
         " the scenario ends, 6.5 s after the start (max_ticks 65); raise timing.max_ticks or lower"
         " the density"
     ) in str(caught.value)
@@ -258,16 +261,16 @@ def test_a_scenario_that_ends_before_its_conflict_says_what_to_change(
 
 def test_the_message_names_blocking_and_blocked_actors(specs: dict[str, Spec]):
     spec = specs["ri_clear_day_sparse"]
-    cyclist = spec.conflicts[0].actors[0].number
+    cyclist = spec.conflicts[1].actors[0].number
 
     message = format_blockages(
         spec, {Blockage(1007, cyclist), Blockage(cyclist, 1008), Blockage(102, cyclist)}
     )
 
     assert message.startswith(
-        f"cav2 (102) blocks bicycle {cyclist} of conflict_1 (cyc_left_turn),"
-        f" 1007 blocks bicycle {cyclist} of conflict_1 (cyc_left_turn),"
-        f" bicycle {cyclist} of conflict_1 (cyc_left_turn) blocks 1008; lower the density, move the"
+        f"cav2 (102) blocks bicycle {cyclist} of conflict_2 (cyc_nearside_obstructed),"
+        f" 1007 blocks bicycle {cyclist} of conflict_2 (cyc_nearside_obstructed),"
+        f" bicycle {cyclist} of conflict_2 (cyc_nearside_obstructed) blocks 1008; lower the"
     )
 
 
@@ -290,16 +293,16 @@ def test_sumo_counts_no_teleports_collisions_or_emergencies(
     driven, teleports, safety = map(counts.find, ("vehicles", "teleports", "safety"))
     assert driven is not None and int(driven.attrib["inserted"]) > 10
     assert teleports is not None and set(teleports.attrib.values()) == {"0"}
-    assert safety is not None and safety.attrib == {
-        "collisions": "0",
-        "emergencyStops": "0",
-        "emergencyBraking": "0",
-    }
+    assert safety is not None
+    assert (safety.attrib["collisions"], safety.attrib["emergencyStops"]) == ("0", "0")
+    # SUMO counts an ego that brakes for an actor as hard as its conflict declares.
+    braking = [item for item in spec.conflicts if item.resolved_by in ("ego", "both")]
+    assert int(safety.attrib["emergencyBraking"]) <= len(braking)
 
 
-CURVE_M_S2 = 0.3
+CURVE_M_S2 = 0.5
 """SUMO limits speeds along the middle of lanes; where bends end, bodies on their inside gain more:
-trucks up to 0.27, in dense traffic bicycles at the edge of tight turns 0.89."""
+trucks up to 0.27, long cars 0.46, in dense traffic bicycles at the edge of tight turns 0.89."""
 
 
 @pytest.mark.parametrize("road", ROADS)

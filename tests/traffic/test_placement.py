@@ -18,8 +18,8 @@ def test_there_is_an_area_around_every_agent_and_along_every_path(specs: dict[st
     assert len(found) == 8
     assert found[0].low == pytest.approx((-56.44, -96.45))
     assert found[0].high == pytest.approx((43.56, 3.55))
-    assert found[5].low == pytest.approx((-6.44 - 15, -134.08 - 15))
-    assert found[5].high == pytest.approx((64.96 + 15, -46.45 + 15))
+    assert found[5].low == pytest.approx((-6.44 - 15, -133.0 - 15))
+    assert found[5].high == pytest.approx((112.0 + 15, -46.45 + 15))
 
 
 def test_places_lie_in_the_areas_a_grid_step_apart(graph: LaneGraph):

@@ -57,3 +57,16 @@ def test_a_person_on_a_slope_is_as_high_as_the_ground_under_it():
         )
         later = slice(20, 45)
         np.testing.assert_allclose(states["z"][later], grade * states["x"][later], atol=1e-9)
+
+
+def test_who_walks_when_the_record_ends_or_begins_does_not_brake():
+    states = compute_walker_states(
+        track(x=0.13 * np.arange(60.0), speed=np.full(60, 1.3)),
+        0.5,
+        speed_m_s=1.3,
+        tick_s=0.1,
+        kerb_height=lambda places: np.zeros(len(places)),
+    )
+
+    np.testing.assert_allclose(states["speed"], 1.3, atol=1e-9)
+    np.testing.assert_allclose(states["acceleration"], 0.0, atol=1e-9)

@@ -1,0 +1,38 @@
+"""How many people set foot on a roadway: those who cross, and whom vehicles yield to."""
+
+import numpy as np
+import shapely
+from advercity_dsl import Spec
+from shapely.geometry.base import BaseGeometry
+
+from advercity.frames import Trace
+from advercity.roads.road_network import build_road
+
+
+def find_roadway(spec: Spec) -> BaseGeometry:
+    """Find the part of a road in the plan frame that vehicles drive on."""
+    roadway = build_road(spec.road).roadway_level_area
+    shapely.prepare(roadway)
+    return roadway
+
+
+def measure_crossing_share(spec: Spec, trace: Trace, roadway: BaseGeometry) -> float | None:
+    """Measure the fraction of the background pedestrians who set foot on a roadway.
+
+    Args:
+        spec: The scenario, in the plan frame.
+        trace: Its traffic, in the plan frame.
+        roadway: From `find_roadway`.
+
+    Returns:
+        The fraction; None without background pedestrians.
+    """
+    staged = {actor.number for conflict in spec.conflicts for actor in conflict.actors}
+    background = np.array(
+        [actor.actor_class == "pedestrian" and actor.id not in staged for actor in trace.actors]
+    )
+    if not background.any():
+        return None
+    rows = trace.states[background[trace.states["actor"]]]
+    on_it = shapely.contains_xy(roadway, rows["x"], rows["y"])
+    return len(np.unique(rows["actor"][on_it])) / int(background.sum())
