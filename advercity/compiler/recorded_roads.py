@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import shapely
 import yaml
-from advercity_dsl import Catalogue, MapNetwork, Rig, Spec, Weather
+from advercity_dsl import Catalogue, Rig, Spec, Weather
 from advercity_dsl.base import ID_HINT, ID_PATTERN, suggest_name
 from advercity_dsl.road import LeftOut
 from advercity_dsl.suite import Looks
@@ -20,6 +19,7 @@ from advercity_dsl.units import KM_H_PER_M_S
 
 from advercity.compiler.crossing import compile_library
 from advercity.compiler.library import Library, load_library
+from advercity.compiler.recorded_places import check_places
 from advercity.compiler.shipped_library import find_shipped_library, suggest_declaration
 from advercity.compiler.spec_files import check_spec_files
 from advercity.compiler.suites import CONNECTED_CLASSES
@@ -33,7 +33,6 @@ from advercity.recordings.recorded_tables import read_recording
 from advercity.recordings.track_file import MARGIN_S, format_tracks
 from advercity.recordings.tracks import Track, cut_tracks, find_connected
 from advercity.roads.map_files import is_lanelet2_file
-from advercity.roads.network_file import parse_packed_network
 from advercity.roads.recorded_programs import RecordedPrograms, replace_programs
 
 MAX_DURATION_S = 180.0
@@ -45,8 +44,6 @@ MIN_DURATION_S = 0.1
 """One frame."""
 MAX_DURATION_TICKS = 1_000_000
 """Highest `max_ticks` of a suite."""
-MAX_LANE_DISTANCE_M = 10.0
-"""Mean distance of vehicles from lanes beyond which map and recording have other frames."""
 SUGGESTED_EGOS = 8
 EGO_NAMES = ("ego", "hero", "egovehicle")
 MAP_SOURCES = {".xodr": "opendrive", ".osm": "osm", ".net.xml": "sumo"}
@@ -177,7 +174,7 @@ def write_recorded_road(
             named = str(site) if map_file else f"{recording.path}: {site.name}"
             lines = (_describe_problem(item, named, site_name) for item in error.diagnostics)
             raise InputError(*lines) from None
-        _check_places(specs[0], cut_tracks(kept, from_s, to_s))
+        check_places(specs[0], cut_tracks(kept, from_s, to_s))
         check_spec_files(specs, output / SPECS_FOLDER)  # before anything is written
     return specs
 
@@ -412,33 +409,3 @@ def _build_suite(
 def _write_yaml(path: Path, data: dict[str, Any]) -> None:
     text = yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=100)
     path.write_text(text, encoding="utf-8", newline="\n")
-
-
-def _check_places(spec: Spec, tracks: Iterable[Track]) -> None:
-    """Check that vehicles are on the map."""
-    imported = spec.road.imported
-    if not isinstance(imported, MapNetwork):
-        return
-    mirror = (1.0, -1.0) if spec.road.is_left_hand else (1.0, 1.0)
-    # In the map's own coordinates, as the tracks are.
-    lanes = [
-        lane.centre[:, :2] * mirror + imported.offset_m
-        for lane in parse_packed_network(imported.network).lanes
-        if lane.permits("passenger") and len(lane.centre) > 1
-    ]
-    lines = shapely.MultiLineString(lanes)
-    places = np.concatenate([track.places for track in tracks if track.actor_class != "pedestrian"])
-    away_m = float(np.mean(shapely.distance(lines, shapely.points(places))))
-    if away_m > MAX_LANE_DISTANCE_M:
-        extents = (
-            "{:.0f} to {:.0f} m east and {:.0f} to {:.0f} m north".format(
-                *np.column_stack([points.min(axis=0), points.max(axis=0)]).ravel()
-            )
-            for points in (np.concatenate(lanes), places)
-        )
-        map_extent, recorded_extent = extents
-        raise InputError(
-            f"vehicles are {away_m:.0f} m from the lanes of the map on average: its lanes are at"
-            f" {map_extent}, the vehicles at {recorded_extent}; is it the right map? move and"
-            " turn the recording with `offset` and `turn`"
-        )

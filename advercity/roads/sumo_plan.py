@@ -13,7 +13,6 @@ from advercity.errors import InputError
 from advercity.foreign.ledger import Ledger
 from advercity.foreign.standards import load_standard
 from advercity.roads.georeference import choose_origin, locate_origin
-from advercity.roads.imported_crossings import get_guess_options
 from advercity.roads.map_conversion import NETWORK_OPTIONS, Conversion
 from advercity.roads.map_plan import MapPlan, build_extent_options
 from advercity.roads.sumo_xml import sanitize_network
@@ -48,7 +47,8 @@ def plan_network(root: Element, road: Road, declared: MapFile, ledger: Ledger) -
     place_network(net, origin_m, is_mirrored=side == "left")
     place = _locate(root.find("location"), origin_m, ledger)
     extent = build_extent_options(declared, origin_m, side)
-    options = NETWORK_OPTIONS | get_guess_options(road, ()) | extent
+    # A network has all its crossings; netconvert guesses more only if it is asked to.
+    options = NETWORK_OPTIONS | extent
     return MapPlan(Conversion({"map.xml": net}, options), side, origin_m, place)
 
 

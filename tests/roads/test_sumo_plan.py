@@ -50,6 +50,17 @@ def test_lanes_are_where_the_file_has_them_seen_in_the_mirror_if_traffic_is_on_t
     assert shapely.hausdorff_distance(plan, own) < 0.1
 
 
+@pytest.mark.parametrize(("guessed", "count"), [("true", 4), ("false", 0)])
+def test_a_town_has_the_crossings_of_the_file_and_no_others(
+    guessed: str, count: int, tmp_path: Path
+) -> None:
+    text = build_crossing_network(("crossings.guess", guessed))
+
+    network = parse_packed_network(import_network(text, tmp_path).network)
+
+    assert sum(edge.function == "crossing" for edge in network.edges) == count
+
+
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("spread", ["center", "roadCenter"])
 @pytest.mark.parametrize("said_of", ["net", "edge"])

@@ -11,12 +11,13 @@ from advercity_dsl import MapNetwork
 
 from advercity.compiler.recorded_roads import ReplayChoice, write_recorded_road
 from advercity.errors import InputError
+from advercity.foreign.xml_documents import to_xml_bytes
 from advercity.frames import Signal
 from advercity.roads.plan_frame import to_plan_frame
 from advercity.roads.sumo_network import write_sumo_network
 from advercity.traffic.simulation import simulate_in_subprocess
 from advercity.traffic.sumo_scenarios import load_sumo_scenario
-from tests.roads.sumo_networks import build_crossing_network
+from tests.roads.sumo_networks import build_crossing_network, parse_crossing_network
 from tests.traffic.sumo_scenario_files import (
     CONFIGURATION,
     DEPART_M,
@@ -128,6 +129,32 @@ def test_who_is_seen_at_a_single_step_is_listed(tmp_path: Path) -> None:
     assert "late" not in {track.id for track in found.tracks}
     listed = {item.name: item.count for item in found.left_out}
     assert listed["motion of a single step in the recorded time"] == 1
+
+
+@pytest.mark.parametrize(("is_closed", "listed"), [(False, 0), (True, 1)])
+def test_vehicles_on_streets_that_are_not_taken_over_are_listed(
+    is_closed: bool, listed: int, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The coach drives from east to west, 100 m from the end of a street that is left."""
+    more = '<vehicle id="back" depart="1"><route edges="in_north out_south"/></vehicle></routes>'
+    path = write_sumo_scenario(tmp_path / "s", routes=ROUTES.replace("</routes>", more))
+    network = parse_crossing_network()
+    for edge in network.iter("edge"):
+        if is_closed and edge.get("id") in ("in_east", "out_east", "in_west", "out_west"):
+            for lane in edge.iter("lane"):
+                if lane.get("allow") != "pedestrian":
+                    lane.set("allow", "bus")
+                    lane.attrib.pop("disallow", None)
+    (tmp_path / "s/town.net.xml.gz").write_bytes(gzip.compress(to_xml_bytes(network)))
+    found = load_sumo_scenario(path, tmp_path, from_s=2, to_s=8)
+
+    write_recorded_road(
+        found, None, ReplayChoice(ego="north_1", looks="shaped", to_s=8), tmp_path / "out"
+    )
+
+    messages = [record.getMessage() for record in caplog.records]
+    assert len(messages) == listed
+    assert all(re.search(r"beside the lanes of the map: 1: line_7 \(\d+ m\)", m) for m in messages)
 
 
 @pytest.mark.parametrize(
