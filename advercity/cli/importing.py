@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from advercity.cli.output import print_data, print_left_out, print_remark
+from advercity.cli.output import print_data, print_left_out, print_remark, update_status
 from advercity.errors import InputError
 
 if TYPE_CHECKING:
     from advercity_dsl import Spec
 
-    from advercity.compiler.recorded_roads import ReplayChoice
+    from advercity.compiler.recorded_roads import Recording, ReplayChoice
 
 imports = typer.Typer(
     name="import",
@@ -23,7 +23,7 @@ imports = typer.Typer(
     rich_markup_mode=None,
 )
 OutputOption = Annotated[
-    Path, typer.Option(help="Folder for road, suite, table, map and specs.", file_okay=False)
+    Path | None, typer.Option(help="Folder for road, suite, table, map and specs.", file_okay=False)
 ]
 MapOption = Annotated[
     Path | None, typer.Option("--map", help="Map: OpenDRIVE, OpenStreetMap or SUMO network.")
@@ -103,7 +103,8 @@ def _with_choice(command: Callable[..., None]) -> Callable[..., None]:
     def run(**values: Any) -> None:
         from advercity.dataset.scenario_folders import check_is_outside_datasets
 
-        check_is_outside_datasets(values["output"])
+        if values["output"] is not None:
+            check_is_outside_datasets(values["output"])
         choice = _build_choice(**{name: values.pop(name) for name in options})
         command(**values, choice=choice)
 
@@ -180,12 +181,23 @@ def _suggest(
     from advercity.cli import tables
     from advercity.compiler.map_suggestions import suggest_conflicts, write_suggestions
     from advercity.dataset.scenario_folders import check_is_outside_datasets
+    from advercity.foreign.ledger import describe_left_out
 
     if not is_printed and output is None:
         raise InputError("give --suggest to print suggestions, or --output DIR to write them")
     if output is not None:
         check_is_outside_datasets(output)
-    found = suggest_conflicts(file, source, name)
+
+    def on_junction(done: int, total: int) -> None:
+        update_status(f"{file.name}: {done} of {total} junctions")
+
+    found = suggest_conflicts(file, source, name, on_junction=on_junction)
+    print_remark(f"{file}: traffic drives on the {found.driving_side}")
+    if found.untried_count:
+        remark = "declare `extent_m` to try others, or place agents at one of them"
+        print_remark(f"{found.untried_count} smaller junctions are not tried; {remark}")
+    if found.left_out:
+        print_remark(f"{file}: left out: {describe_left_out(found.left_out)}")
     rows = [
         {
             "junction": item.junction,
@@ -202,6 +214,8 @@ def _suggest(
     if output is not None:
         for path in write_suggestions(found, file, output):
             print_remark(str(path))
+        if found.documents:
+            print_remark(f"next: advercity compile library {output} --suite {found.suite} --settle")
 
 
 @imports.command()
@@ -209,7 +223,7 @@ def _suggest(
 def trajectories(
     choice: "ReplayChoice",
     file: Annotated[Path, typer.Argument(help="Table: CSV or Parquet.")],
-    output: OutputOption,
+    output: OutputOption = None,
     map_: MapOption = None,
     offset: Annotated[
         tuple[float, float],
@@ -227,12 +241,12 @@ def trajectories(
     Reads the layouts of inD, highD and INTERACTION, and one of its own: id, class, time_s, x_m,
     y_m, heading_deg, length_m, width_m, height_m.
     """
-    from advercity.compiler.recorded_roads import load_recorded_table, write_recorded_road
+    from advercity.compiler.recorded_roads import load_recorded_table
 
     if map_ is None:
         raise InputError("give the map on which the vehicles drive with --map")
     moved = replace(choice, offset_m=offset, turn_deg=turn)
-    _report(write_recorded_road(load_recorded_table(file), map_, moved, output), output)
+    _write(load_recorded_table(file), map_, moved, output)
 
 
 @imports.command()
@@ -240,7 +254,7 @@ def trajectories(
 def openscenario(
     choice: "ReplayChoice",
     file: Annotated[Path, typer.Argument(help="OpenSCENARIO XML 1.x (*.xosc).")],
-    output: OutputOption,
+    output: OutputOption = None,
     map_: MapOption = None,
     root: Annotated[
         Path | None,
@@ -261,11 +275,11 @@ def openscenario(
     begin when their conditions hold. What cannot be played is refused by name and line. The map is
     the OpenDRIVE file that it names, unless --map gives another one.
     """
-    from advercity.compiler.recorded_roads import load_recorded_scenario, write_recorded_road
+    from advercity.compiler.recorded_roads import load_recorded_scenario
 
     parameters = dict(_split_parameter(text) for text in set_ or ())
     recording = load_recorded_scenario(file, map_, root=root, parameters=parameters)
-    _report(write_recorded_road(recording, map_, choice, output), output)
+    _write(recording, map_, choice, output)
 
 
 @imports.command()
@@ -273,7 +287,7 @@ def openscenario(
 def sumo(
     choice: "ReplayChoice",
     file: Annotated[Path, typer.Argument(help="SUMO configuration (*.sumocfg).")],
-    output: OutputOption,
+    output: OutputOption = None,
 ) -> None:
     """Make scenarios of a SUMO simulation.
 
@@ -283,12 +297,11 @@ def sumo(
     """
     from tempfile import TemporaryDirectory
 
-    from advercity.compiler.recorded_roads import write_recorded_road
     from advercity.traffic.sumo_scenarios import load_sumo_scenario
 
     with TemporaryDirectory() as name:
         recording = load_sumo_scenario(file, Path(name), from_s=choice.from_s, to_s=choice.to_s)
-        _report(write_recorded_road(recording, None, choice, output), output)
+        _write(recording, None, choice, output)
 
 
 def _split_parameter(text: str) -> tuple[str, str]:
@@ -296,6 +309,20 @@ def _split_parameter(text: str) -> tuple[str, str]:
     if not (name and separator):
         raise InputError(f"`set` {text[:40]}: write NAME=VALUE")
     return name, value
+
+
+def _write(
+    recording: "Recording", map_file: Path | None, choice: "ReplayChoice", output: Path | None
+) -> None:
+    """Write a library and its specs; without a folder, an error says what there is to choose."""
+    from advercity.compiler.recorded_roads import find_ego, write_recorded_road
+
+    if output is None:
+        ego = find_ego(recording.tracks, choice)
+        raise InputError(
+            f"the ego is {ego.id}; give a folder for road, map and specs: --output DIR"
+        )
+    _report(write_recorded_road(recording, map_file, choice, output), output)
 
 
 def _report(specs: "list[Spec]", output: Path) -> None:

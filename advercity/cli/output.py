@@ -42,6 +42,11 @@ def show_status(text: str) -> Generator[None]:
         end_status()
 
 
+def update_status(text: str) -> None:
+    """Change the text of the status that is shown at a terminal."""
+    _status.update(text)
+
+
 def end_status() -> None:
     """Remove the status, before anything else is shown."""
     _status.stop()

@@ -5,14 +5,15 @@ Conflicts are bound and solved, not simulated: whether other traffic lets them h
 """
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import yaml
 from advercity_dsl import Blueprint, Catalogue, Conflict, Density, MapFile, Road, Suite
-from advercity_dsl.road import JunctionAgents, MapSource
+from advercity_dsl.road import JunctionAgents, LeftOut, MapSource
+from advercity_dsl.road.streets import DrivingSide
 
 from advercity.atomic_files import write_atomically
 from advercity.compiler.library import Library, load_library
@@ -31,6 +32,8 @@ from advercity.roads.map_import import import_map
 from advercity.roads.plan_frame import to_plan_frame
 from advercity.roads.routes import RoutePlanner
 
+MAX_JUNCTIONS = 50
+"""Number that is tried of a map, those with the most arms first; each takes about a second."""
 MAX_NAME_LENGTH = 12
 """Of a road that is named after its file: ids of specs also hold junction, conflict and weather."""
 WEATHER, DENSITY, LIBRARY_NAME = "fog_day", "sparse", "adver_city"
@@ -90,19 +93,34 @@ class MapSuggestions:
         junctions: Junctions of three arms or more, those with the most conflicts first; twice
             where some conflicts have a place only for an ego without another vehicle.
         documents: Declarations of roads and suite, by the name of their file.
+        suite: Id of the suite.
+        driving_side: Side on which traffic drives.
+        untried_count: Number of smaller junctions that were not tried.
+        left_out: Parts of the map that are not taken over.
     """
 
     junctions: tuple[JunctionSuggestion, ...]
     documents: Mapping[str, str]
+    suite: str
+    driving_side: DrivingSide
+    untried_count: int = 0
+    left_out: tuple[LeftOut, ...] = ()
 
 
-def suggest_conflicts(file: Path, source: MapSource, name: str | None = None) -> MapSuggestions:
+def suggest_conflicts(
+    file: Path,
+    source: MapSource,
+    name: str | None = None,
+    *,
+    on_junction: Callable[[int, int], None] = lambda done, total: None,
+) -> MapSuggestions:
     """Find the conflicts that each junction of a map can stage.
 
     Args:
         file: The map.
         source: Its format.
         name: Id of road and suite; by default the name of the file.
+        on_junction: Called before each junction with the number of those done and of all.
 
     Raises:
         InputError: The map cannot be used, or has no junction of three arms.
@@ -114,14 +132,30 @@ def suggest_conflicts(file: Path, source: MapSource, name: str | None = None) ->
     network = import_map(MapFile.model_validate(declared), bare, file.parent)
     road = bare.model_copy(update={"imported": network})
     finder = _Finder.for_road(road)
-    found = tuple(sorted(finder.iterate_junctions(), key=lambda item: -len(item.conflicts)))
-    if not found:
+    junctions = finder.list_junctions()
+    if not junctions:
         raise InputError(f"{file}: has no junction of three arms or more, to stage conflicts at")
-    return MapSuggestions(found, dict(_write_documents(data, found)))
+    tried = junctions[:MAX_JUNCTIONS]
+    found: list[JunctionSuggestion] = []
+    for index, arms in enumerate(tried):
+        on_junction(index, len(tried))
+        found += finder.suggest(arms)
+    found.sort(key=lambda item: -len(item.conflicts))
+    documents = dict(_write_documents(data, found))
+    untried_count = len(junctions) - len(tried)
+    return MapSuggestions(
+        junctions=tuple(found),
+        documents=documents,
+        suite=name,
+        driving_side=network.driving_side,
+        untried_count=untried_count,
+        left_out=network.left_out,
+    )
 
 
 def _name_road(file: Path) -> str:
-    name = re.sub(r"[^a-z0-9]+", "_", file.stem.lower()).strip("_")[:MAX_NAME_LENGTH].rstrip("_")
+    stem = file.stem.lower().removesuffix(".net")
+    name = re.sub(r"[^a-z0-9]+", "_", stem).strip("_")[:MAX_NAME_LENGTH].rstrip("_")
     return name if re.match(r"[a-z]", name) else f"town_{name}".rstrip("_")
 
 
@@ -161,15 +195,22 @@ class _Finder:
         planner = RoutePlanner(to_plan_frame(road))
         return _Finder(road, planner, library, suite, catalogue)
 
-    def iterate_junctions(self) -> Iterator[JunctionSuggestion]:
-        for junction in self.planner.movements:
-            arms = JunctionArms.of_road(self.road, junction)
-            if len(arms.directions) > 2:
-                yield from self._suggest(junction, arms)
+    def list_junctions(self) -> list[JunctionArms]:
+        """List the junctions of three arms or more, those with the most arms first."""
+        left_hand = self.road.is_left_hand
+        arms = [JunctionArms(self.planner, name, left_hand) for name in self.planner.movements]
+        found = [item for item in arms if len(item.directions) > 2]
+        return sorted(found, key=lambda item: -len(item.directions))
 
-    def _suggest(self, junction: str, arms: JunctionArms) -> Iterator[JunctionSuggestion]:
-        """Yield what each crew can stage and those before it cannot; if nothing, why."""
-        control, text = self.planner.controls.get(junction, "none"), arms.describe()
+    def suggest(self, arms: JunctionArms) -> list[JunctionSuggestion]:
+        """List what each crew can stage and those before it cannot; if nothing, why."""
+        control, text = self.planner.controls.get(arms.junction, "none"), arms.describe()
+        try:
+            return list(self._suggest(arms.junction, control, text))
+        except InputError as error:
+            return [JunctionSuggestion(arms.junction, control, text, reason=str(error))]
+
+    def _suggest(self, junction: str, control: str, text: str) -> Iterator[JunctionSuggestion]:
         reason, known = "", set[str]()
         for suffix, crew in CREWS.items():
             declared = JunctionAgents.model_validate({"junction": junction, "agents": crew})

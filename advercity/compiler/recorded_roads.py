@@ -145,7 +145,7 @@ def write_recorded_road(
         for track in recording.tracks
     ]
     _check_extent(tracks)
-    ego = _find_ego(tracks, choice)
+    ego = find_ego(tracks, choice)
     from_s, to_s = _find_span(ego, choice)
     connected = [ego, *_find_others(tracks, ego, choice, from_s, to_s)]
     kept = cut_tracks(tracks, from_s - MARGIN_S, to_s + MARGIN_S)
@@ -264,7 +264,8 @@ def _find_map_suffix(path: Path) -> str:
     )
 
 
-def _find_ego(tracks: Sequence[Track], choice: ReplayChoice) -> Track:
+def find_ego(tracks: Sequence[Track], choice: ReplayChoice) -> Track:
+    """Find the track of the ego; InputError, which lists vehicles, if it is not clear."""
     by_id = {track.id: track for track in tracks}
     vehicles = [track for track in tracks if track.actor_class in CONNECTED_CLASSES]
     if choice.ego is None:

@@ -49,6 +49,8 @@ class NominalMotion:
         """Find the highest speed in the `TEST_CLOCK_S` before a station."""
         at_s = self.time_at(station_m)
         times_s = np.linspace(max(at_s - TEST_CLOCK_S, self.times_s[0]), at_s, 41)
+        if at_s <= times_s[0]:
+            return 0.0
         stations = np.interp(times_s, self.times_s, self.stations_m)
         return float((np.diff(stations) / np.diff(times_s)).max(initial=0.0))
 

@@ -2,6 +2,10 @@
 
 from collections.abc import Mapping
 
+from advercity_dsl.road.streets import DrivingSide
+
+from advercity.foreign.ledger import Ledger
+
 Box = tuple[float, float, float, float]
 """South, west, north, east, degrees."""
 LEFT_HAND_REGIONS: Mapping[str, tuple[Box, ...]] = {
@@ -41,3 +45,15 @@ def find_left_hand_region(latitude_deg: float, longitude_deg: float) -> str | No
             if south <= latitude_deg <= north and west <= longitude_deg <= east:
                 return name
     return None
+
+
+def assume_driving_side(place_deg: tuple[float, float] | None, ledger: Ledger) -> DrivingSide:
+    """Assume the side of a map that does not say it, by its latitude and longitude.
+
+    The left is recorded, since it is the exception.
+    """
+    region = find_left_hand_region(*place_deg) if place_deg else None
+    if region is None:
+        return "right"
+    ledger.leave_out(f"driving side that the map lacks (left, as in {region}, is assumed)")
+    return "left"

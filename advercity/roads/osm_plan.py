@@ -13,7 +13,7 @@ from advercity_dsl import MapFile, Road
 from advercity.errors import InputError
 from advercity.foreign.ledger import Ledger
 from advercity.foreign.xml_documents import get_line
-from advercity.roads.driving_sides import find_left_hand_region
+from advercity.roads.driving_sides import assume_driving_side
 from advercity.roads.imported_crossings import discard_unmarked, get_guess_options
 from advercity.roads.map_conversion import CAR_OPTIONS, WALKED_CLASSES, Conversion, convert
 from advercity.roads.map_names import get_map_id
@@ -114,11 +114,9 @@ def _find_driving_side(root: Element, road: Road, declared: MapFile, ledger: Led
         )
     if "left" in said:
         return "left"
-    region = find_left_hand_region(road.origin_lat_deg, road.origin_lon_deg)
-    if "right" in said or region is None:
+    if "right" in said:
         return "right"
-    ledger.leave_out(f"driving side that the map lacks (left, as in {region}, is assumed)")
-    return "left"
+    return assume_driving_side((road.origin_lat_deg, road.origin_lon_deg), ledger)
 
 
 def _check_places(root: Element, road: Road) -> None:

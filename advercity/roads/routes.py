@@ -12,6 +12,7 @@ import numpy as np
 from advercity_dsl import MapNetwork, Road, Vehicle
 from advercity_dsl.road import Movement, StripKind
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import KDTree
 
 from advercity.errors import InputError
 from advercity.geometry import curves, polyline
@@ -100,12 +101,13 @@ class RoutePath:
 
     def find_nearest_station(self, point: ArrayLike) -> float:
         """Find the sampled station that is nearest to a point (2,)."""
-        gaps = self._distances_to(np.asarray(point)[None])[:, 0]
+        gaps = np.linalg.norm(self._search_points - np.asarray(point), axis=1)
         return float(self._search_stations[np.argmin(gaps)])
 
     def find_crossing_station(self, other: "RoutePath") -> float | None:
         """Find the sampled station where another path crosses this one; None if none does."""
-        gaps = self._distances_to(other.line.sample_points(SEARCH_STEP_M)).min(axis=1)
+        tree = KDTree(other.line.sample_points(SEARCH_STEP_M))
+        gaps, _ = tree.query(self._search_points, distance_upper_bound=2 * CROSSING_GAP_M)
         if gaps.min() > CROSSING_GAP_M:
             return None
         return float(self._search_stations[np.argmax(gaps <= max(CROSSING_GAP_M / 2, gaps.min()))])
@@ -114,11 +116,9 @@ class RoutePath:
     def _search_stations(self) -> NDArray[np.float64]:
         return np.arange(0.0, self.length_m, SEARCH_STEP_M)
 
-    def _distances_to(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distances (n, m) of the sampled points of the path from points (m, 2)."""
-        here = self.line.points_at(self._search_stations)
-        east, north = (np.subtract.outer(here[:, axis], points[:, axis]) for axis in (0, 1))
-        return np.sqrt(east * east + north * north)
+    @cached_property
+    def _search_points(self) -> NDArray[np.float64]:
+        return self.line.points_at(self._search_stations)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,10 +201,16 @@ class RoutePlanner:
 
     def find_junction(self, first: str, second: str) -> str | None:
         """Find the junction with a movement from a street into another; None without one."""
+        return self._junctions.get((first, second))
+
+    @cached_property
+    def _junctions(self) -> dict[tuple[str, str], str]:
+        """Junction of each pair of streets that a movement connects, the first in the file."""
+        found: dict[tuple[str, str], str] = {}
         for name, movements in self.movements.items():
-            if any(item.from_street == first and item.to_street == second for item in movements):
-                return name
-        return None
+            for item in movements:
+                found.setdefault((item.from_street, item.to_street), name)
+        return found
 
     def find_intersection(self, vehicle: Vehicle) -> int | None:
         """Find after which street of its route a vehicle makes its manoeuvre; None if nowhere."""

@@ -254,9 +254,12 @@ def test_suggestions_are_printed_or_written(advercity: Command, tmp_path: Path) 
     printed = advercity("import", "osm", town, "--suggest")
     assert printed.code == 0
     assert "# town_3rd_town.yaml\nkind: road\nid: town_3rd_town\n" in printed.out
+    assert "traffic drives on the right" in printed.err
 
     folder = tmp_path / "mine"
-    assert advercity("import", "osm", town, "--output", folder, "--name", "mine").code == 0
+    written = advercity("import", "osm", town, "--output", folder, "--name", "mine")
+    assert written.code == 0
+    assert f"next: advercity compile library {folder} --suite mine --settle" in written.err
     again = advercity("import", "osm", town, "--output", folder, "--name", "mine")
     assert again.code == 2
     assert "already exists" in again.err
@@ -271,6 +274,7 @@ def test_a_network_of_sumo_is_suggested_conflicts(advercity: Command, tmp_path: 
     assert printed.code == 0
     assert "ltap_od_ego_turns" in printed.out
     assert "source: sumo" in printed.out
+    assert "# town.yaml\nkind: road\nid: town\n" in printed.out
 
 
 def test_a_simulation_of_somebody_else_becomes_a_dataset(
@@ -279,7 +283,8 @@ def test_a_simulation_of_somebody_else_becomes_a_dataset(
     path = write_sumo_scenario(tmp_path / "theirs")
     out, data = tmp_path / "town", tmp_path / "data"
 
-    asked = advercity("import", "sumo", path, "--output", out)
+    asked = advercity("import", "sumo", path)
+    nowhere = advercity("import", "sumo", path, "--ego", "north_1")
     ran = advercity(
         *("import", "sumo", path, "--ego", "north_1", "--connected-count", "0", "--from", "2"),
         *("--to", "5", "--looks", "shaped", "--output", out),
@@ -287,6 +292,8 @@ def test_a_simulation_of_somebody_else_becomes_a_dataset(
 
     assert asked.code == 2
     assert "choose the ego among 2 vehicles with --ego; recorded longest: line_7" in asked.err
+    assert nowhere.code == 2
+    assert "the ego is north_1; give a folder for road, map and specs: --output" in nowhere.err
     assert ran.code == 0, ran.err
     assert "cav1 is north_1" in ran.err
     assert "left out: 1 option novelty (line 7)" in ran.err

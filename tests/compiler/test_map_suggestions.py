@@ -5,10 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from advercity_dsl import Road
+from advercity_dsl.road import JunctionAgents
 
+from advercity.compiler import map_suggestions
 from advercity.compiler.crossing import compile_library
 from advercity.compiler.map_suggestions import suggest_conflicts, write_suggestions
 from advercity.errors import InputError
+from advercity.roads.junction_arms import place_at_every_arm
 from tests.roads.imported_roads import DATA
 
 
@@ -46,6 +50,53 @@ def test_a_junction_with_lights_is_suggested_conflicts_of_such(library: Path) ->
 def test_a_map_without_a_junction_of_three_arms_says_so() -> None:
     with pytest.raises(InputError, match="no junction of three arms"):
         suggest_conflicts(DATA / "bend.xodr", "opendrive")
+
+
+def write_two_junctions(folder: Path) -> Path:
+    """Write the crossroads with a side street to the north, 104 m east of it."""
+    middle = '<nd ref="1"/><nd ref="4"/>'
+    nodes = '<node id="7" lat="48.0" lon="11.0014"/><node id="8" lat="48.0018" lon="11.0014"/>'
+    way = '<way id="14"><nd ref="7"/><nd ref="8"/><tag k="highway" v="residential"/></way>'
+    text = (DATA / "crossroads.osm").read_text()
+    assert middle in text
+    text = text.replace(middle, '<nd ref="1"/><nd ref="7"/><nd ref="4"/>')
+    text = text.replace('<way id="11">', f'{nodes}<way id="11">')
+    file = folder / "two.osm"
+    file.write_text(text.replace("</osm>", f"{way}</osm>"))
+    return file
+
+
+def test_a_junction_that_fails_does_not_cost_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def place(road: Road, declared: JunctionAgents, junction: str) -> list[Road]:
+        if junction == "j1":
+            raise InputError("its arms cross")
+        return place_at_every_arm(road, declared, junction)
+
+    monkeypatch.setattr(map_suggestions, "place_at_every_arm", place)
+    seen: list[tuple[int, int]] = []
+
+    found = suggest_conflicts(
+        write_two_junctions(tmp_path),
+        "osm",
+        on_junction=lambda done, total: seen.append((done, total)),
+    ).junctions
+
+    assert {item.junction: item.reason for item in found}["j1"] == "its arms cross"
+    assert {item.junction for item in found if item.reason != "its arms cross"} == {"j7"}
+    assert seen == [(0, 2), (1, 2)]
+
+
+def test_the_junctions_with_the_most_arms_are_tried_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(map_suggestions, "MAX_JUNCTIONS", 1)
+
+    found = suggest_conflicts(write_two_junctions(tmp_path), "osm")
+
+    assert found.untried_count == 1
+    assert {(item.junction, item.arms.count("(")) for item in found.junctions} == {("j1", 4)}
 
 
 def test_the_ego_comes_from_the_arm_from_which_a_conflict_can_be_staged(

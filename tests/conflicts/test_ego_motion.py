@@ -10,6 +10,15 @@ from advercity.roads.routes import RoutePath, RoutePlanner
 RADIUS_M = 25.0
 
 
+@pytest.mark.filterwarnings("error")
+def test_the_top_speed_before_a_place_is_that_of_the_way_there() -> None:
+    motion = NominalMotion(np.array([10.0, 12.0, 18.0]), np.array([3.0, 4.0, 5.0]))
+
+    assert motion.find_top_speed_m_s(18.0) == pytest.approx(6.0)
+    assert motion.find_top_speed_m_s(12.0) == pytest.approx(2.0)
+    assert motion.find_top_speed_m_s(10.0) == 0.0
+
+
 def test_the_ego_is_predicted_to_take_the_middle_of_a_double_bend_slower_than_its_arcs(
     specs: dict[str, Spec],
 ):

@@ -8,7 +8,7 @@ from shapely import LineString
 
 from advercity.foreign.ledger import Ledger
 from advercity.geometry.mirroring import mirror_points
-from advercity.roads.driving_sides import find_left_hand_region
+from advercity.roads.driving_sides import assume_driving_side
 from advercity.roads.lanelet2.document import parse_document
 from advercity.roads.lanelet2.lanelets import (
     Lanelet,
@@ -66,10 +66,7 @@ def _find_driving_side(
     if declared.driving_side is not None:
         return declared.driving_side
     is_left = has_left_hand_traffic(lanelets)
-    if is_left is not None or placed.place is None:
+    if is_left is not None:
         return "left" if is_left else "right"
-    region = find_left_hand_region(placed.place.latitude_deg, placed.place.longitude_deg)
-    if region is None:
-        return "right"
-    ledger.leave_out(f"driving side that the map lacks (left, as in {region}, is assumed)")
-    return "left"
+    place = placed.place
+    return assume_driving_side(place and (place.latitude_deg, place.longitude_deg), ledger)

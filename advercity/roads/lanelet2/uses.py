@@ -62,7 +62,9 @@ GERMAN_SIGN = re.compile(r"de274(?:(?P<zone>[._]1)|[-.](?P<limit>\d{2,3}))(?:[-.
 def find_use(tags: Tags) -> LaneUse | None:
     """Find the use of a lanelet by its participants, else by its subtype; None if it is no lane."""
     prefix = "participant:"
-    overrides = {key.removeprefix(prefix): value for key, value in tags.items() if prefix in key}
+    overrides = {
+        key.removeprefix(prefix): value for key, value in tags.items() if key.startswith(prefix)
+    }
     if not overrides or tags.get("subtype") == "crosswalk":
         return USES.get(tags.get("subtype", "road"))
     allowed = [use for key, use in PARTICIPANTS.items() if overrides.get(key) == "yes"]

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from advercity.errors import InputError
+from advercity.roads.lane_uses import ROADWAY, LaneUse
+from advercity.roads.lanelet2.uses import BICYCLE, find_use
 from advercity.roads.network_file import parse_packed_network
 from tests.roads.lanelet2_maps import (
     LaneletMap,
@@ -22,6 +24,13 @@ LENGTH_M = 120.0
 
 def line(y: float) -> list[tuple[float, float, float]]:
     return [(x, y, 0.0) for x in (0.0, 50.0, LENGTH_M)]
+
+
+@pytest.mark.parametrize(
+    ("key", "use"), [("participant:bicycle", BICYCLE), ("no_participant:bicycle", ROADWAY)]
+)
+def test_participants_are_read_of_their_own_keys_alone(key: str, use: LaneUse) -> None:
+    assert find_use({"subtype": "road", key: "yes"}) == use
 
 
 @pytest.mark.parametrize("turned", [(), ("left",), ("right",), ("left", "right")])
