@@ -138,7 +138,7 @@ def test_nothing_is_written_where_a_spec_of_the_user_would_be_replaced(
         ("--ego", "4"): "--ego 4: is a pedestrian; connected vehicles are car, van, truck",
         ("--ego", "1", "--to", "9"): "the ego '1' was recorded from 0 to 4 s; stay within that",
         ("--ego", "1", "--connected", "4"): "--connected 4: is a pedestrian",
-        ("--ego", "1", "--offset", "0", "500"): "vehicles are 498 m from the lanes of the map",
+        ("--ego", "1", "--offset", "0", "500"): "vehicles are 496 m from the lanes of the map",
         ("--ego", "1", "--name", "Hill 1"): "--name Hill 1: is not an id",
         ("--ego", "1", "--weather", "fogg_day"): "unknown weather 'fogg_day'; did you mean",
         ("--ego", "1", "--rig", "nothing"): "--rig: unknown rig 'nothing'",
