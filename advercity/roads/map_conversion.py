@@ -25,6 +25,15 @@ CAR_OPTIONS = {
 NETWORK_OPTIONS = CAR_OPTIONS | {"sumo-net-file": "map.xml"}
 
 
+CAUSES = {
+    "No edges loaded": (
+        "has no street for cars, of which service roads, tracks and footways are none; take a part"
+        " of the map with streets"
+    )
+}
+"""Errors by the begin of netconvert's own, where that does not say what to do."""
+
+
 @dataclass(frozen=True, eq=False)
 class Conversion:
     """Documents by the names of their files, and netconvert's options, which name the files."""
@@ -47,7 +56,9 @@ def convert(conversion: Conversion) -> Element:
         output = work / "road.net.xml"
         outcome = run_netconvert(conversion.options, output)
         if not outcome.succeeded:
-            raise InputError(f"netconvert cannot use it: {_find_first_error(outcome.messages)}")
+            error = _find_first_error(outcome.messages)
+            causes = [cause for begin, cause in CAUSES.items() if error.startswith(begin)]
+            raise InputError(*causes or [f"netconvert cannot use it: {error}"])
         return parse_xml(output.read_bytes())
 
 

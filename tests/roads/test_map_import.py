@@ -167,6 +167,16 @@ def test_a_node_that_is_not_on_the_globe_is_named(latitude: str, tmp_path: Path)
         import_map(MapFile(source="osm", file="crossroads.osm"), road, tmp_path)
 
 
+def test_an_extract_of_service_roads_alone_says_what_it_lacks(tmp_path: Path) -> None:
+    text = (DATA / "crossroads.osm").read_text().replace('v="secondary"', 'v="service"')
+    (tmp_path / "yard.osm").write_text(text)
+    place = {"origin_lat_deg": 48.0, "origin_lon_deg": 11.0}
+    road = Road.model_validate(declaration("osm", "yard.osm", **place))
+
+    with pytest.raises(InputError, match=r"yard\.osm: has no street for cars, of which service"):
+        import_map(MapFile(source="osm", file="yard.osm"), road, tmp_path)
+
+
 def test_a_map_that_takes_netconvert_too_long_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -71,10 +71,12 @@ def _place_ends(road: Road) -> list[float]:
     """
     begins = [section.begins_m for section in road.sections]
     ends = [*begins[1:], road.length_m]
-    # The last may even begin beyond the end, as numbers of a file are rounded.
+    # Of two that begin at one place, the first is void. The last may begin at the end or beyond it,
+    # as numbers of a file are rounded and roads end where their geometry does.
+    void = [first == last for first, last in pairwise(begins)]
     grown_m = [
-        2 * MIN_LENGTH_M * (first - MIN_LENGTH_M < last != first)
-        for first, last in zip(begins, ends, strict=True)
+        2 * MIN_LENGTH_M * (first - MIN_LENGTH_M < last and not is_void)
+        for first, last, is_void in zip(begins, ends, [*void, False], strict=True)
     ]
     placed = [begins[0]]
     for end_m, least_m in zip(ends, grown_m, strict=True):

@@ -142,13 +142,22 @@ class EndGroups:
 
 
 def list_arm_junctions(document: OpenDriveMap, index: StretchIndex) -> Mapping[StretchEnd, str]:
-    """List the ends of roads that lead to a junction, with its id."""
+    """List the ends of roads that lead to a junction, with its id.
+
+    A direct junction names the ends that it leads to, which contradicts the links of some roads.
+    """
+    named = {
+        (item.road, item.contact): junction.id
+        for junction in document.junctions.values()
+        for item in junction.connections
+        if item.is_direct
+    }
     found: dict[StretchEnd, str] = {}
     for road in document.roads.values():
         for contact, junction in _list_junctions(road, document):
             end = index.find_end(road.id, contact)
             if end is not None:
-                found[end] = junction
+                found[end] = named.get((road.id, contact), junction)
     return found
 
 

@@ -13,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from advercity.foreign.ledger import Ledger
 from advercity.geometry.polyline import Points, left_normals, polyline_length, simplify_together
 from advercity.roads.map_plan import LaneLines, LaneLink
 from advercity.roads.opendrive.document import OpenDriveMap
@@ -43,13 +44,15 @@ OUTLINE_KINDS = {"driving": "roadway", "shoulder": "roadway", "sidewalk": "sidew
 """Kinds of outlines by paving of a lane."""
 
 
-def build_plain_network(document: OpenDriveMap, extent: BaseGeometry | None) -> PlainNetwork:
+def build_plain_network(
+    document: OpenDriveMap, extent: BaseGeometry | None, ledger: Ledger
+) -> PlainNetwork:
     """Build the network of a map; streets entirely outside an extent are left out.
 
     Raises:
         InputError: A lane is wider than any.
     """
-    topology = build_topology(document, extent)
+    topology = build_topology(document, extent, ledger)
     nodes = _Nodes(document, topology)
     return PlainNetwork(
         nodes=nodes.build(),

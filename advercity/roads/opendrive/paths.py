@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from advercity.foreign.ledger import Ledger
 from advercity.geometry.polyline import Points
 from advercity.roads.opendrive.document import (
     CONTACTS,
@@ -43,8 +44,9 @@ class JunctionPath:
 class PathFinder:
     """Finds the paths through the junctions of a map."""
 
-    def __init__(self, document: OpenDriveMap, index: StretchIndex) -> None:
+    def __init__(self, document: OpenDriveMap, index: StretchIndex, ledger: Ledger) -> None:
         self._document = document
+        self._ledger = ledger
         self._index = index
 
     def list_paths(self, junction: Junction) -> Iterator[JunctionPath]:
@@ -69,6 +71,10 @@ class PathFinder:
             if not all(self._is_driven(end) for end in ends):
                 continue
             origin, entered = ends if leads_out(*ends[0]) else ends[::-1]
+            if leads_out(*origin) == leads_out(*entered):
+                name = "lane link against the direction of traffic"
+                self._ledger.leave_out(name, plural="lane links against the direction of traffic")
+                continue
             yield JunctionPath(junction.id, "", origin, entered, None)
 
     def _list_connecting(

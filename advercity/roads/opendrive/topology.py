@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from advercity.foreign.ledger import Ledger
 from advercity.geometry.polyline import Points
 from advercity.roads.opendrive.chains import Street, StreetLane, build_streets
 from advercity.roads.opendrive.document import OpenDriveMap
@@ -79,14 +80,16 @@ class MapTopology:
         return not (use.is_closed or use.is_walked)
 
 
-def build_topology(document: OpenDriveMap, extent: BaseGeometry | None) -> MapTopology:
+def build_topology(
+    document: OpenDriveMap, extent: BaseGeometry | None, ledger: Ledger
+) -> MapTopology:
     """Join the lanes of a map; streets entirely outside an extent are left out."""
     stretches = tuple(
         stretch for road in document.roads.values() for stretch in build_stretches(road)
     )
     index = StretchIndex(stretches)
     links = tuple(index.list_links(document))
-    finder = PathFinder(document, index)
+    finder = PathFinder(document, index, ledger)
     paths = tuple(
         path for junction in document.junctions.values() for path in finder.list_paths(junction)
     )

@@ -37,8 +37,14 @@ def find_internal_lane(network: MapNetwork) -> SumoLane:
     return next(item for item in lanes if item.function == "internal")
 
 
-@pytest.mark.parametrize("length_m", [0.0001, 0.007, 0.015])
-@pytest.mark.parametrize("at_end", [True, False])
+@pytest.mark.parametrize(
+    ("length_m", "at_end"),
+    [
+        *((length_m, at_end) for length_m in (0.0001, 0.007, 0.015) for at_end in (True, False)),
+        # The last section begins where the geometry ends, or a rounded number behind it.
+        *((0.0, True), (-0.0001, True)),
+    ],
+)
 def test_sections_of_millimetres_link_the_lanes_around_them(
     length_m: float, at_end: bool, tmp_path: Path
 ) -> None:

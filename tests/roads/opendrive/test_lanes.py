@@ -11,7 +11,7 @@ from advercity.roads.imported_network import ImportedNetwork
 from advercity.roads.imported_streets import read_imported_streets
 from advercity.roads.network_file import SumoLane, parse_packed_network
 from advercity.roads.road_network import build_road
-from tests.roads.opendrive_maps import cubic, declare, import_text, lane, road, section
+from tests.roads.opendrive_maps import cubic, declare, import_text, lane, linked, road, section
 
 OPENS_M, LENGTH_M, WIDTH_M = 40.0, 25.0, 3.25
 """Where a lane for turning left opens, over which length, and how wide it becomes."""
@@ -200,6 +200,64 @@ def test_a_direct_junction_splits_a_carriageway(tmp_path: Path) -> None:
         ("road_1+_2", "road_2+_1", "M"),
     ]
     assert read_imported_streets(network.network).controls["j9"] == "none"
+
+
+def direct_junction(name: str, incoming: str, linked: str, contact: str, *lanes: int) -> str:
+    """Write a direct junction of one connection; lanes are pairs of ids in a row."""
+    pairs = zip(lanes[::2], lanes[1::2], strict=True)
+    links = "".join(f'<laneLink from="{one}" to="{other}"/>' for one, other in pairs)
+    return (
+        f'<junction id="{name}" type="direct"><connection id="0" incomingRoad="{incoming}"'
+        f' linkedRoad="{linked}" contactPoint="{contact}">{links}</connection></junction>'
+    )
+
+
+def test_a_direct_junction_is_believed_where_a_road_is_linked_to_another_one(
+    tmp_path: Path,
+) -> None:
+    """Road 2 begins at junction 8, where road 1 ends, but names junction 9, 300 m away."""
+    one = section(0.0, lane(-1, "driving", 3.5))
+    network = import_text(
+        tmp_path,
+        road("1", 90.0, one, link=linked("successor", "junction", "8")),
+        road("2", 90.0, one, start=(90.0, 0.0, 0.0), link=linked("predecessor", "junction", "9")),
+        road("3", 90.0, one, start=(0.0, 300.0, 0.0), link=linked("successor", "junction", "9")),
+        road("4", 90.0, one, start=(90.0, 300.0, 0.0), link=linked("predecessor", "junction", "9")),
+        direct_junction("8", "1", "2", "start", -1, -1),
+        direct_junction("9", "3", "4", "start", -1, -1),
+    )
+
+    net = parse_packed_network(network.network)
+
+    assert {
+        (link.origin, link.target) for link in ImportedNetwork.from_network(net).lane_links
+    } == {
+        ("road_1+_0", "road_2+_0"),
+        ("road_3+_0", "road_4+_0"),
+    }
+    ends = {edge.id: edge for edge in net.edges if edge.function == "normal"}
+    assert ends["road_1+"].to_junction == ends["road_2+"].from_junction
+    assert ends["road_2+"].from_junction != ends["road_4+"].from_junction
+
+
+@pytest.mark.parametrize(("target", "links", "listed"), [(-1, 1, 0), (1, 0, 1)])
+def test_a_lane_link_against_the_direction_of_traffic_is_listed(
+    target: int, links: int, listed: int, tmp_path: Path
+) -> None:
+    both = section(0.0, lane(1, "driving", 3.5), lane(-1, "driving", 3.5))
+    network = import_text(
+        tmp_path,
+        road("1", 90.0, both, link=linked("successor", "junction", "8")),
+        road("2", 90.0, both, start=(90.0, 0.0, 0.0), link=linked("predecessor", "junction", "8")),
+        direct_junction("8", "1", "2", "start", -1, target),
+    )
+
+    net = ImportedNetwork.from_network(parse_packed_network(network.network))
+
+    assert len(list(net.lane_links)) == links
+    assert [part.name for part in network.left_out] == [
+        "lane link against the direction of traffic"
+    ] * listed
 
 
 def test_a_road_ends_where_its_geometry_ends(tmp_path: Path) -> None:
