@@ -23,6 +23,7 @@ from advercity.geometry.poses import Matrix
 from advercity.materials import ACTOR_PAINT, MATERIALS
 from advercity.rendering.cover import Cover
 from advercity.rendering.embree import EmbreeMesh, EmbreeScene
+from advercity.rendering.reflectors import find_reflector_boxes
 from advercity.world import World
 
 MATERIAL_NAMES = tuple(MATERIALS)
@@ -104,11 +105,13 @@ class Raycaster:
 
     Attributes:
         cover: What keeps precipitation off parts of the world; None without any.
+        reflector_boxes: (n, 2, 3) lowest and highest corners of boxes around static thin things.
     """
 
     def __init__(self, world: World) -> None:
         self._bodies = world.bodies
         self.cover = Cover.from_meshes(world.static)
+        self.reflector_boxes = find_reflector_boxes(world.static)
         self._triangles = _TriangleTable()
         self._world = self._register_meshes(world.static, is_shared=True)
         self._rigid: dict[BodyShape, _RegisteredMesh] = {}

@@ -30,6 +30,7 @@ from advercity.sensors.radar.cells import (
     Cells,
     NumberPurpose,
     collect_cells,
+    spread_fields,
 )
 from advercity.sensors.radar.clutter import VELOCITY_SPREAD_M_S, FallingClutter
 from advercity.sensors.radar.conditions import RadarConditions
@@ -137,8 +138,8 @@ class Receiver:
         looks = (NumberPurpose.FIRST_LOOK, NumberPurpose.SECOND_LOOK)
         speckle = np.mean([numbers.draw_exponential(keys, look) for look in looks], axis=0)
         echo = np.sqrt(cells.power * speckle) * numbers.draw_phasor(keys, NumberPurpose.ECHO_PHASE)
-        own = np.abs(cells.field + echo) ** 2
-        leaked = cells.look_up(own, self._grid.list_neighbours(keys)).sum(axis=1)
+        own = np.abs(spread_fields(self._grid, cells) + echo) ** 2
+        leaked = cells.look_up(np.abs(echo) ** 2, self._grid.list_neighbours(keys)).sum(axis=1)
         noise = numbers.draw_exponential(keys, NumberPurpose.NOISE) * self._compute_floor(cells)
         phase = numbers.draw_phasor(keys, NumberPurpose.NOISE_PHASE)
         return np.abs(np.sqrt(own + NEIGHBOUR_LEAKAGE * leaked) + np.sqrt(noise) * phase) ** 2

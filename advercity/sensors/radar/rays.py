@@ -1,4 +1,4 @@
-"""Rays of a radar: evenly over its field of view, and closer together where road users are."""
+"""Rays of a radar: even ones, and closer ones where road users, poles, signs and rails are."""
 
 import math
 from collections.abc import Iterable
@@ -16,7 +16,9 @@ from advercity.sensors.radar.antenna import build_directions, compute_angles
 from advercity.sensors.radar.placement import PlacedRadar
 
 SPACING_M = 0.1
-"""Most distance between rays on a road user: a corner reflector of 0.3 m is met by ten."""
+"""Most distance between rays on road users and thin things: ten meet a corner of 0.3 m."""
+_UNIT_CORNERS = np.indices((2, 2, 2)).reshape(3, 8).T == 1
+"""(8, 3) whether a corner of a box is on its upper side, by axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,7 @@ def build_ray_fan(radar: Radar) -> RayFan:
 
 
 def aim_rays(placed: PlacedRadar, raycaster: Raycaster, states: Iterable[ActorState]) -> RayFan:
-    """Build the rays of a radar, split into closer ones where road users are in view.
+    """Build the rays of a radar, split into closer ones towards road users and thin things.
 
     Solid angles add up as before, so that echoes stay the same and only their error shrinks.
 
@@ -56,25 +58,30 @@ def aim_rays(placed: PlacedRadar, raycaster: Raycaster, states: Iterable[ActorSt
     rays = Rays(origins, even.directions @ pose[:3, :3].T.astype(np.float32))
     free_m = raycaster.cast(rays, placed.radar.range_m).range_m.reshape(grid.rows, grid.columns)
     parts = np.ones(free_m.shape, np.intp)
-    for corners in _locate_corners(placed, states):
+    for corners in _locate_corners(placed, raycaster, states):
         nearest_m = float(np.linalg.norm(corners, axis=1).min())
         count = math.ceil(nearest_m * max(grid.wide_rad, grid.high_rad) / SPACING_M)
-        if count > 1 and nearest_m < placed.radar.range_m:
+        if count > 1:
             met = grid.find_rays(corners)
             is_seen = free_m[met] > nearest_m - SPACING_M
             parts[met] = np.where(is_seen, np.maximum(parts[met], count), parts[met])
     return grid.build_fan(parts)
 
 
-def _locate_corners(placed: PlacedRadar, states: Iterable[ActorState]) -> Float64Array:
-    """Compute the corners (k, 8, 3) of the boxes that are before a radar, in its frame."""
+def _locate_corners(
+    placed: PlacedRadar, raycaster: Raycaster, states: Iterable[ActorState]
+) -> Float64Array:
+    """Locate the corners (k, 8, 3) of the boxes that are before a radar, in its frame."""
     others = [state for state in states if state.actor.id != placed.carrier]
     corners = np.array([state.box.corners for state in others]).reshape(-1, 8, 3)
     world_from_body = np.array([state.world_from_body for state in others]).reshape(-1, 4, 4)
-    found = corners @ world_from_body[:, :3, :3].mT + world_from_body[:, None, :3, 3]
-    pose = placed.world_from_radar
+    moving = corners @ world_from_body[:, :3, :3].mT + world_from_body[:, None, :3, 3]
+    low, high = raycaster.reflector_boxes[:, :1], raycaster.reflector_boxes[:, 1:]
+    found = np.concatenate([moving, np.where(_UNIT_CORNERS, high, low)])
+    pose, range_m = placed.world_from_radar, placed.radar.range_m
     found = (found - pose[:3, 3]) @ pose[:3, :3]
-    return found[(found[..., 0] > 0.0).any(axis=1)]
+    is_near = np.linalg.norm(found, axis=2).min(axis=1) < range_m
+    return found[is_near & (found[..., 0] > 0.0).any(axis=1)]
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ from advercity.assets.bodies import build_body
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.microwaves import WAVELENGTH_M
 from advercity.rendering.raycaster import Raycaster
+from advercity.semantics import Semantic
+from advercity.sensors.measurements import PointKind
 from advercity.sensors.radar import SceneMotion, trace_paths
 from advercity.testing import load_example_spec, make_actor_state, make_frame
 from advercity.world import Body, World
@@ -144,5 +146,15 @@ def test_a_small_corner_is_found_wherever_it_stands_in_range(range_m: int) -> No
         own = rows_of(found.detections, 7)
         assert len(own)
         found_dbsm.append(float(found.detections.rcs_dbsm[own].max()))
-    # A target between two cells loses up to 6 dB in each axis, so the best place counts.
+    # Rays at 0.1 m sample its opening of 0.4 m, so the best place counts.
     assert max(found_dbsm) == pytest.approx(33.5, abs=2)
+
+
+@pytest.mark.parametrize("range_m", [60, 100])
+def test_a_small_corner_on_a_pole_is_found_wherever_it_stands(range_m: int) -> None:
+    """Static things have no id, so it is found by its place."""
+    for left_m in (-7.0, -3.3, 1.7, 9.2):
+        mesh = replace(trihedral(0.3, range_m, left_m), semantic=Semantic.POLE)
+        found = scan(WIDE, mesh).detections
+        at = np.linalg.norm(found.points - [range_m, left_m, 0], axis=1) < 2.5
+        assert (at & (found.kind == PointKind.SURFACE)).any()
