@@ -1,12 +1,16 @@
 """Finds the ranges at which camera, LiDAR and radar still detect a car and a pedestrian.
 
-The target is alone on a wide, level road, ahead of a vehicle at rest. It is moved away in steps of
-5 m until less than half of the scans within a step detect it:
+The target is alone on a wide, level road, ahead of a vehicle at rest. A detection is
 
-- a camera if the target's luminance differs from that of the scene without it by 5 % in the mean
+- by a camera if the target's luminance differs from that of the scene without it by 5 % in the mean
   over its pixels, the contrast that defines visibility; drops on the lens and noise do not count,
-- a LiDAR if five points are the target's,
-- a radar if one detection is.
+- by a LiDAR if five points are the target's,
+- by a radar if one detection is.
+
+For camera and radar the target is moved away in steps of 5 m until less than half of the scans
+within a step detect it. Whether a LiDAR detects it depends on where its rings fall. So its range is
+a mean over many placements, which are the same in all weathers: the fraction that is detected,
+integrated over the distance.
 """
 
 import math
@@ -14,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from advercity_dsl import Agent, Mount, Spec, Weather
+from advercity_dsl import Agent, Lidar, Mount, Spec, Weather
 from numpy.typing import NDArray
 
 from advercity.assets.bodies import build_body
@@ -39,12 +43,19 @@ from advercity.testing import build_flat_world, make_actor_state, make_frame
 MIN_CONTRAST, MIN_POINTS = 0.05, 5
 FARTHEST_M, STEP_M = 200, 5
 SCANS, SCAN_STEP_M = 5, 1.0
+PLACEMENT_STEP_M, PLACEMENTS = 10, 16
+"""Of the LiDAR: steps of distance, and placements in each."""
+MAX_LEFT_M, MAX_YAW_DEG, MAX_PITCH_DEG = 3.5, 15.0, 0.7
+"""How far placements are to a side, how far targets turn, and how far the vehicle nods."""
+LIDAR_SECTOR_DEG = (-12.0, 12.0)
+"""Azimuths that are scanned, which hold all placements from 17 m on."""
 CROP = 4
 """The camera's picture and its field of view are this many times smaller, which is enough."""
 TARGET_ID = 7
 LAND_USE = "urban"
 
-Detector = Callable[[Frame], bool]
+Detector = Callable[[Frame, float], bool]
+"""Whether a sensor of a vehicle that nods by an angle in rad detects the target of a frame."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +74,22 @@ TARGETS = (
 
 
 @dataclass(frozen=True)
+class MeanRange:
+    """A range over many placements, and half of its 95 % interval."""
+
+    range_m: float
+    error_m: float
+
+    def __str__(self) -> str:
+        return f"{self.range_m:.0f} ± {self.error_m:.0f}"
+
+
+@dataclass(frozen=True)
 class DetectionRanges:
-    """Largest distances at which sensors detect a target; 0 if at none, `FARTHEST_M` if at all."""
+    """Ranges at which sensors detect a target, at most `FARTHEST_M`."""
 
     camera_m: int
-    lidar_m: int
+    lidar: MeanRange
     radar_m: int
 
 
@@ -89,37 +111,62 @@ class DetectionScene:
             camera_m = self._find_range(self._build_camera_detector(renderer, weather))
         return DetectionRanges(
             camera_m=camera_m,
-            lidar_m=self._find_range(self._build_lidar_detector(weather)),
+            lidar=self._measure_range(self._build_lidar_detector(weather)),
             radar_m=self._find_range(self._build_radar_detector(weather)),
         )
 
     def _find_range(self, detects: Detector) -> int:
         for distance_m in range(STEP_M, FARTHEST_M + 1, STEP_M):
+            places_m = [distance_m + SCAN_STEP_M * step for step in range(SCANS)]
             found = [
-                detects(self._place_target(distance_m + SCAN_STEP_M * step))
-                for step in range(SCANS)
+                detects(self._place_target(place_m, index=round(place_m / SCAN_STEP_M)), 0.0)
+                for place_m in places_m
             ]
             if 2 * sum(found) < SCANS:
                 return distance_m - STEP_M
         return FARTHEST_M
 
-    def _place_target(self, distance_m: float) -> Frame:
+    def _measure_range(self, detects: Detector) -> MeanRange:
+        rng = create_generator("ranges", self._target.name)
+        steps = range(0, FARTHEST_M, PLACEMENT_STEP_M)
+        offsets = rng.random((len(steps), PLACEMENTS, 4))
+        found = np.zeros(offsets.shape[:2])
+        for row, column in np.ndindex(found.shape):
+            along, *turns = offsets[row, column]
+            left, yaw, pitch = 2.0 * np.array(turns) - 1.0
+            frame = self._place_target(
+                steps[row] + PLACEMENT_STEP_M * along,
+                MAX_LEFT_M * left,
+                math.radians(MAX_YAW_DEG) * yaw,
+                index=row * PLACEMENTS + column,
+            )
+            found[row, column] = detects(frame, math.radians(MAX_PITCH_DEG) * pitch)
+        fraction = found.mean(axis=1)
+        variance = fraction * (1.0 - fraction) / (PLACEMENTS - 1)
+        error = 1.96 * math.sqrt(variance.sum())
+        return MeanRange(PLACEMENT_STEP_M * fraction.sum(), PLACEMENT_STEP_M * error)
+
+    def _place_target(
+        self, distance_m: float, left_m: float = 0.0, yaw_rad: float = 0.0, index: int = 0
+    ) -> Frame:
         state = make_actor_state(
             TARGET_ID,
             distance_m + self._body.size[0] / 2,
+            left_m,
+            yaw_rad=yaw_rad,
             actor_class=self._blueprint.actor_class,
             blueprint=self._target.blueprint,
             paint=self._target.paint,
             size=self._body.size,
         )
         walked = replace(state, travelled_m=0.3 * distance_m)
-        return make_frame(walked, index=round(distance_m / SCAN_STEP_M))
+        return make_frame(walked, index=index)
 
     def _build_camera_detector(self, renderer: Renderer, weather: Weather) -> Detector:
         mounted = self._sensors.cameras[0]
         camera = mounted.model
         view = CameraView(
-            _build_pose(mounted.mount),
+            _build_pose(mounted.mount, 0.0),
             camera.width_px // CROP,
             camera.height_px // CROP,
             2 * math.atan(math.tan(math.radians(camera.horizontal_fov_deg) / 2) / CROP),
@@ -136,7 +183,7 @@ class DetectionScene:
 
         empty, _ = look(make_frame())
 
-        def detects(frame: Frame) -> bool:
+        def detects(frame: Frame, _: float) -> bool:
             luminance, on_target = look(frame)
             contrast = np.abs(luminance / empty - 1.0)[on_target]
             return bool(on_target.any()) and contrast.mean() >= MIN_CONTRAST
@@ -144,13 +191,13 @@ class DetectionScene:
         return detects
 
     def _build_lidar_detector(self, weather: Weather) -> Detector:
-        lidar = self._sensors.lidar
+        lidar = _narrow_lidar(self._sensors.lidar)
         atmosphere = compute_atmosphere(weather, LAND_USE)
         air = derive_lidar_conditions(atmosphere, weather.lens)
 
-        def detects(frame: Frame) -> bool:
+        def detects(frame: Frame, pitch_rad: float) -> bool:
             self._caster.place(frame)
-            pose = _build_pose(lidar.mount)
+            pose = _build_pose(lidar.mount, pitch_rad)
             hits = cast_scan(lidar, pose, self._caster, puddle_coverage=air.puddle_coverage)
             rng = create_generator("ranges", "lidar", frame.index)
             cloud = measure_point_cloud(lidar, hits, air, rng, states=frame.states)
@@ -163,9 +210,9 @@ class DetectionScene:
         radar, mount = self._sensors.radars[0]
         atmosphere = compute_atmosphere(weather, LAND_USE)
         air = derive_radar_conditions(atmosphere, weather.lens, weather.fog)
-        placed = PlacedRadar(radar, mount, _build_pose(mount), np.zeros(3))
+        placed = PlacedRadar(radar, mount, _build_pose(mount, 0.0), np.zeros(3))
 
-        def detects(frame: Frame) -> bool:
+        def detects(frame: Frame, _: float) -> bool:
             self._caster.place(frame)
             motion = SceneMotion(frame, self._world.bodies)
             rng = create_generator("ranges", "radar", frame.index)
@@ -176,5 +223,13 @@ class DetectionScene:
         return detects
 
 
-def _build_pose(mount: Mount) -> Matrix:
-    return pose_matrix((mount.x_m, mount.y_m, mount.z_m))
+def _narrow_lidar(lidar: Lidar) -> Lidar:
+    """Let a spinning LiDAR scan ahead only, as densely as before."""
+    first_deg, last_deg = LIDAR_SECTOR_DEG
+    azimuths = round(lidar.azimuths * (last_deg - first_deg) / 360.0)
+    fields = {"azimuth_deg": LIDAR_SECTOR_DEG, "azimuths": azimuths}
+    return Lidar.model_validate(lidar.model_dump() | fields)
+
+
+def _build_pose(mount: Mount, pitch_rad: float) -> Matrix:
+    return pose_matrix((mount.x_m, mount.y_m, mount.z_m), pitch=pitch_rad)

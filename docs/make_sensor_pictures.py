@@ -15,7 +15,13 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 from advercity_dsl import Spec
-from detection_ranges import TARGETS, DetectionRanges, DetectionScene
+from detection_ranges import (
+    PLACEMENT_STEP_M,
+    PLACEMENTS,
+    TARGETS,
+    DetectionRanges,
+    DetectionScene,
+)
 from numpy.typing import NDArray
 
 import advercity
@@ -51,12 +57,12 @@ rain are above, fog and snow below.
 
 Made by `python docs/make_rig_pictures.py`.
 """
-RANGES_NOTE = """\
+RANGES_NOTE = f"""\
 Ranges in metres up to which a target from behind is detected, alone on a level road: by the camera
 at a contrast of 5 % before the lens, by the LiDAR with five points, by the radar with one
-detection, each in at least half of the scans. More than 200 m were not tried. The LiDAR's 32 rings
-lie 1.3 degrees apart, 1.4 m at 60 m: beyond, a car has points in two rings or in none, whatever the
-weather; snow on it returns more than its glass and paint.
+detection. More than 200 m were not tried. The LiDAR's 32 rings lie 1.3 degrees apart, 1.4 m at
+60 m, and meet a car or miss it by centimetres: its range is a mean over {PLACEMENTS} placements
+every {PLACEMENT_STEP_M} m, the same in all weathers, with its 95 % interval.
 """
 
 
@@ -179,7 +185,7 @@ def format_ranges(rows: Sequence[tuple[str, str, DetectionRanges]]) -> str:
     """Format ranges in Markdown."""
     lines = ["| weather | target | camera | LiDAR | radar |", "|---|---|---|---|---|"]
     for weather, target, ranges in rows:
-        cells = (ranges.camera_m, ranges.lidar_m, ranges.radar_m)
+        cells = (ranges.camera_m, ranges.lidar, ranges.radar_m)
         lines.append(f"| {weather} | {target} | " + " | ".join(map(str, cells)) + " |")
     return "\n".join(lines) + "\n"
 
