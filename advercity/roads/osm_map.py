@@ -28,6 +28,8 @@ MIN_CARRIAGEWAY_GAP_M, MAX_CARRIAGEWAY_GAP_M = 2.0, 20.0
 """Between the centre lines of the halves; streets with houses between them are farther apart."""
 MAX_CARRIAGEWAY_COSINE = -0.9
 """Of the angle between the directions of the halves, which are nearly opposite."""
+ELEMENT_ORDER = {"node": 1, "way": 2, "relation": 3}
+"""Of an extract, as netconvert needs it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +52,12 @@ class OsmMap:
         return cls(root, Geodetic(road.origin_lat_deg, road.origin_lon_deg), is_mirrored)
 
     def build_plan(self) -> Element:
-        """Build a document with metres for `lon` and `lat`, which shares all but its nodes."""
+        """Build a document with metres for `lon` and `lat`, which shares all but its nodes.
+
+        Nodes precede ways, and ways relations: netconvert ignores references to later elements.
+        """
         plan = Element(self.root.tag, self.root.attrib)
-        for item in self.root:
+        for item in sorted(self.root, key=lambda item: ELEMENT_ORDER.get(item.tag, 0)):
             if item.tag != "node":
                 plan.append(item)
                 continue

@@ -4,6 +4,7 @@ import hashlib
 import re
 import shutil
 from pathlib import Path
+from xml.etree.ElementTree import tostring
 
 import pytest
 import yaml
@@ -12,9 +13,11 @@ from advercity_dsl.units import Point2
 
 from advercity.compiler import read_spec, write_specs
 from advercity.errors import InputError
+from advercity.foreign.xml_documents import parse_xml
 from advercity.roads import sumo_network
 from advercity.roads.lane_graph import read_lane_graph
 from advercity.roads.map_import import import_map
+from advercity.roads.network_file import parse_packed_network
 from advercity.roads.road_network import build_road
 from advercity.roads.sumo_network import write_sumo_network
 from tests.command_line import Command
@@ -68,6 +71,22 @@ def test_streets_of_a_town_have_sidewalks_if_its_map_does_not_say(
     network = import_map(declared, road, tmp_path)
     lanes = build_road(road.model_copy(update={"imported": network})).lanes
     assert sum(it.kind == "sidewalk" and not it.in_junction for it in lanes) == sidewalks
+
+
+def test_elements_of_an_extract_may_be_in_any_order(tmp_path: Path) -> None:
+    root = parse_xml((DATA / "crossroads.osm").read_bytes())
+    root[:] = reversed(root)
+    (tmp_path / "reversed.osm").write_bytes(tostring(root))
+    road = Road.model_validate(CROSSROADS)
+
+    networks = [
+        import_map(MapFile(source="osm", file=file), road, folder)
+        for file, folder in (("crossroads.osm", DATA), ("reversed.osm", tmp_path))
+    ]
+
+    lanes = [sorted(lane.id for lane in parse_packed_network(it.network).lanes) for it in networks]
+    assert lanes[0] == lanes[1]
+    assert [it.name for it in networks[0].left_out] == [it.name for it in networks[1].left_out]
 
 
 @pytest.mark.parametrize(
