@@ -207,7 +207,7 @@ class DetectionScene:
         return detects
 
     def _build_radar_detector(self, weather: Weather) -> Detector:
-        radar, mount = self._sensors.radars[0]
+        radar, mount, _ = self._sensors.radars[0]
         atmosphere = compute_atmosphere(weather, LAND_USE)
         air = derive_radar_conditions(atmosphere, weather.lens, weather.fog)
         placed = PlacedRadar(radar, mount, _build_pose(mount, 0.0), np.zeros(3))

@@ -1,6 +1,7 @@
 """What is recorded of SUMO at every tick: front bumpers, indicators and traffic lights."""
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import libsumo
@@ -14,6 +15,9 @@ from advercity.traffic.signal_states import combine_links
 INDICATOR_LAMPS = np.array([0, Lamp.RIGHT, Lamp.LEFT, Lamp.RIGHT | Lamp.LEFT], dtype=np.uint8)
 """Lamps by the two lowest bits of SUMO's signals of a vehicle."""
 _INDICATOR_BITS = 3
+INDICATOR_PAUSE_S = 3.0
+"""Time for which an indicator may pause: SUMO's vehicles stop indicating where a turn begins, until
+they are near its end."""
 _ROW_COLUMNS = ["tick", "id", "x", "y", "z", "yaw", "slope", "speed", "lamps"]
 
 
@@ -72,6 +76,7 @@ class ActorLog:
         for track in tracks.values():
             # SUMO's own acceleration is this difference, so it is not asked for.
             track["acceleration"][1:] = np.diff(track["speed"]) / tick_s
+            _bridge_pauses(track["lamps"], round(INDICATOR_PAUSE_S / tick_s))
         return tracks | _split_by_actor(people)
 
 
@@ -84,6 +89,13 @@ def _build_rows(records: Sequence[tuple[float, ...]]) -> NDArray[np.void]:
     rows["yaw"] = np.pi / 2 - np.radians(rows["yaw"])
     rows["slope"] = np.radians(rows["slope"])
     return rows
+
+
+def _bridge_pauses(lamps: NDArray[np.uint8], longest: int) -> None:
+    """Switch on lamps that pause for no more ticks than `longest`, in place."""
+    for before, after in pairwise(np.flatnonzero(lamps).tolist()):
+        if after - before <= longest and lamps[before] == lamps[after]:
+            lamps[before:after] = lamps[before]
 
 
 def _split_by_actor(rows: NDArray[np.void]) -> dict[int, NDArray[np.void]]:
