@@ -28,8 +28,10 @@ from stock_renderer import StockRenderer
 
 from advercity.dataset import cloud_files, image_codec, opv2v, partial_files
 from advercity.dataset import writer as frame_writer
-from advercity.pipeline import Progress, RunOptions, run_scenario, sensing
+from advercity.pipeline import Progress, RunOptions, run_scenario
 from advercity.rendering.backend import RENDER_PROFILES, RenderProfile, load_backend
+from advercity.sensors.camera import driver as camera_driver
+from advercity.sensors.lidar import driver as lidar_driver
 
 SPEC = Path("compiled/ui_fog_day_sparse.json")
 GOAL = 2.5
@@ -38,10 +40,10 @@ STAGES: dict[str, tuple[tuple[object, str], ...]] = {
     "placing actors": ((SapienRenderer, "place"),),
     "starting images": ((SapienRenderer, "_start_render"),),
     "waiting for images": ((SapienRenderer, "_fetch_images"),),
-    "optics and electronics": ((sensing, "render_image"),),
-    "pixels of every actor": ((sensing, "project_boxes"),),
-    "LiDAR: rays": ((sensing, "cast_scan"),),
-    "LiDAR: weather, points": ((sensing, "measure_point_cloud"),),
+    "optics and electronics": ((camera_driver, "render_image"),),
+    "pixels of every actor": ((camera_driver, "project_boxes"),),
+    "LiDAR: rays": ((lidar_driver, "cast_scan"),),
+    "LiDAR: weather, points": ((lidar_driver, "measure_point_cloud"),),
     "maps": ((opv2v, "draw_bird_views"),),
     "annotations": (
         (opv2v, "build_frame_description"),

@@ -151,7 +151,7 @@ def test_split_refuses_roads_that_are_none(
     code, out, err = advercity("split", two_roads, "--output", output, *options)
     assert (code, out, err.count("\n")) == (2, "", 1)
     wrong = "" if ",," in road else road
-    assert f"no scenario of {two_roads} is on a road '{wrong}'; its roads are rcnj, ui" in err
+    assert f"no scenario of {two_roads} has the road '{wrong}'; it has rcnj, ui" in err
     assert not output.exists()
 
 

@@ -80,10 +80,14 @@ def test_junctions_have_simple_outlines_that_movements_keep_clear_of(
 
 def test_a_quarter_circle_ends_where_geometry_says() -> None:
     road = tiny(
-        "path: [{line_m: 40}],\n      section: plain, speed_limit_km_h: 30}\n  b",
+        (
+            "path: [{line_m: 40}],\n      section: plain, speed_limit_km_h: 30}\n"
+            "  b: {begins: j, ends: east, start_m: [10, 0]"
+        ),
         (
             "path: [{arc_m: 15.707963, radius_m: 10, turn: left}],\n"
-            "      section: plain, speed_limit_km_h: 30}\n  b"
+            "      section: plain, speed_limit_km_h: 30}\n"
+            "  b: {begins: j, ends: east, start_m: [0, 30]"
         ),
     )
     street = lay_out_road(road).streets["a"]
@@ -249,10 +253,14 @@ def test_a_junction_whose_outline_is_flat_is_flat(
 def test_grades_change_over_a_few_metres_and_keep_their_ends() -> None:
     heights = yaml.safe_load("[{at_m: 0, z_m: 1}, {at_m: 20, z_m: 1}, {at_m: 40, z_m: 3}]")
     road = tiny(
-        "path: [{line_m: 40}],\n      section: plain, speed_limit_km_h: 30}\n  b",
+        (
+            "path: [{line_m: 40}],\n      section: plain, speed_limit_km_h: 30}\n"
+            "  b: {begins: j, ends: east, start_m: [10, 0]"
+        ),
         (
             f"path: [{{line_m: 40}}], heights: {heights},\n"
-            "      section: plain, speed_limit_km_h: 30}\n  b"
+            "      section: plain, speed_limit_km_h: 30}\n"
+            "  b: {begins: j, ends: east, start_m: [10, 0]"
         ),
     )
     street = lay_out_road(road).streets["a"]
