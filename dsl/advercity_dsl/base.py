@@ -75,6 +75,19 @@ class Declaration(Model):
     """Figures that are assumed rather than measured, and why they were chosen."""
 
 
+def check_all_or_list(value: object, *, things: str, hint: str) -> object:
+    """Refuse a text other than `all` in place of a list; InvalidCombination with the way out."""
+    if isinstance(value, str) and value != "all":
+        message = f"'{value[:40]}' is neither `all` nor a list of {things}"
+        raise InvalidCombination((), message, hint)
+    return value
+
+
+def find_all_or_list_tag(value: object) -> str:
+    """Find the tag of a value that is `all` or a list, for a `Discriminator`."""
+    return "list" if isinstance(value, list | tuple) else "all"
+
+
 def is_none(value: object) -> bool:
     """Return whether a field is None, for `exclude_if`, which omits it from the spec's JSON."""
     return value is None

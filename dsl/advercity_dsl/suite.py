@@ -20,6 +20,8 @@ from advercity_dsl.base import (
     InvalidCombination,
     Items,
     Model,
+    check_all_or_list,
+    find_all_or_list_tag,
     is_empty,
     is_none,
 )
@@ -28,21 +30,14 @@ from advercity_dsl.units import Count, Flag, Metres, Number, Percent, Seconds
 
 
 def _check_selection(value: object) -> object:
-    if isinstance(value, str) and value != "all":
-        message = f"'{value[:40]}' is neither `all` nor a list of ids"
-        is_id = re.fullmatch(ID_PATTERN, value) is not None
-        hint = f"write [{value}]" if is_id else "list every id: [first_id, second_id]"
-        raise InvalidCombination((), message, hint)
-    return value
-
-
-def _find_selection_tag(value: object) -> str:
-    return "list" if isinstance(value, list | tuple) else "all"
+    is_id = isinstance(value, str) and re.fullmatch(ID_PATTERN, value) is not None
+    hint = f"write [{value}]" if is_id else "list every id: [first_id, second_id]"
+    return check_all_or_list(value, things="ids", hint=hint)
 
 
 IdSelection = Annotated[
     Annotated[Literal["all"], Tag("all")] | Annotated[Items[Id], Tag("list")],
-    Discriminator(_find_selection_tag),
+    Discriminator(find_all_or_list_tag),
     BeforeValidator(_check_selection),
 ]
 """`all`, or a list of ids."""

@@ -1,6 +1,7 @@
-"""A scenario of which a run has made a part, for tests of what the next one does."""
+"""Scenarios of which a run has made a part."""
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from tests.builders import SensorFramesOf, identify
 
 LENGTH = 2
 """Frames of the scenario."""
+Make = Callable[[Path, Spec, int], None]
 
 
 @pytest.fixture(scope="session")
@@ -29,3 +31,17 @@ def original(
 def scenario(original: Path, tmp_path: Path) -> Path:
     """A copy of it."""
     return shutil.copytree(original, tmp_path / "output" / original.name)
+
+
+@pytest.fixture
+def make(sensor_frames_of: SensorFramesOf) -> Make:
+    """Writes the first frames of a scenario into a dataset."""
+
+    def make(root: Path, spec: Spec, frames: int) -> None:
+        identity = identify(spec)
+        with ScenarioWriter(root, spec, identity, length=LENGTH) as writer:
+            for frame in set(range(frames)) - writer.done_frames:
+                writer.write_frame(frame, sensor_frames_of(frame))
+            writer.finish()
+
+    return make

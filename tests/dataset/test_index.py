@@ -2,7 +2,6 @@
 
 import json
 import shutil
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -19,32 +18,14 @@ from advercity.dataset.remote import verify_store
 from advercity.dataset.verification import verify_dataset
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
-from tests.builders import SensorFramesOf, identify
-
-LENGTH = 2
+from tests.builders import identify
+from tests.dataset.conftest import LENGTH, Make
 
 
 @pytest.fixture
 def others(spec: Spec) -> list[Spec]:
     """Scenarios like the hand-made one, but for their names."""
     return [spec.model_copy(update={"id": f"other_{number}"}) for number in range(3)]
-
-
-@pytest.fixture
-def make(sensor_frames_of: SensorFramesOf) -> Callable[[Path, Spec, int], None]:
-    """Writes the first frames of a scenario into a dataset."""
-
-    def make(root: Path, spec: Spec, frames: int) -> None:
-        identity = identify(spec)
-        with ScenarioWriter(root, spec, identity, length=LENGTH) as writer:
-            for frame in set(range(frames)) - writer.done_frames:
-                writer.write_frame(frame, sensor_frames_of(frame))
-            writer.finish()
-
-    return make
-
-
-Make = Callable[[Path, Spec, int], None]
 
 
 def states(root: Path) -> dict[str, str]:

@@ -3,7 +3,6 @@
 import errno
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,29 +13,10 @@ from advercity.dataset.overview_images import write_videos
 from advercity.dataset.reader import open_dataset
 from advercity.dataset.splits import PUBLISHED_SPLITS, link_shares, link_splits
 from advercity.dataset.verification import verify_dataset
-from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
-from tests.builders import TWO_ROADS_FRAMES, SensorFramesOf, identify
+from tests.builders import TWO_ROADS_FRAMES
 from tests.command_line import Command
-
-LENGTH = 2
-
-
-@pytest.fixture
-def make(sensor_frames_of: SensorFramesOf) -> Callable[[Path, Spec, int], None]:
-    """Writes the first frames of a scenario into a dataset."""
-
-    def make(root: Path, spec: Spec, frames: int) -> None:
-        identity = identify(spec)
-        with ScenarioWriter(root, spec, identity, length=LENGTH) as writer:
-            for frame in set(range(frames)) - writer.done_frames:
-                writer.write_frame(frame, sensor_frames_of(frame))
-            writer.finish()
-
-    return make
-
-
-Make = Callable[[Path, Spec, int], None]
+from tests.dataset.conftest import LENGTH, Make
 
 
 @pytest.fixture

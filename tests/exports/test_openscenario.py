@@ -181,9 +181,12 @@ def test_lights_change_when_they_did(specs: dict[str, Spec], tmp_path: Path) -> 
         last = [state for time, state in states["j_main_8"] if time <= tick / 10 + 1e-6][-1]
         assert last == lamps[signal]
     # All actors that are seen twice come back, those that enter and leave the site among them.
-    tracks = {track.id: track for track in read_scenario(path).tracks}
+    read = read_scenario(path)
+    tracks = {track.id: track for track in read.tracks}
     seen = [len(traffic.trace.get_track(actor.id)[1]) for actor in traffic.trace.actors]
     assert len(tracks) == sum(count > 1 for count in seen)
+    listed = sum(part.count for part in read.left_out if "nowhere" in part.name)
+    assert listed == len(seen) - len(tracks)
     for actor in traffic.trace.actors:
         name = f"{actor.actor_class}_{actor.id}"
         if name in tracks:

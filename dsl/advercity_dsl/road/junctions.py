@@ -1,6 +1,7 @@
 """Junctions: movements between lanes, traffic lights, signs and crossings."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, Tag
@@ -8,9 +9,10 @@ from pydantic import BeforeValidator, Discriminator, Field, StringConstraints, T
 from advercity_dsl.base import (
     CompactModel,
     Id,
-    InvalidCombination,
     Items,
     Model,
+    check_all_or_list,
+    find_all_or_list_tag,
     is_empty,
     is_none,
 )
@@ -26,21 +28,12 @@ MovementText = Annotated[
 """`north_road.1 > east_road.1`: from the innermost lane of one street into that of another."""
 
 
-def _check_movements(value: object) -> object:
-    if isinstance(value, str) and value != "all":
-        message = f"'{value[:40]}' is neither `all` nor a list of movements"
-        raise InvalidCombination((), message, "write [north.1 > east.1]")
-    return value
-
-
-def _find_movements_tag(value: object) -> str:
-    return "list" if isinstance(value, list | tuple) else "all"
-
-
 Movements = Annotated[
     Annotated[Literal["all"], Tag("all")] | Annotated[Items[MovementText], Tag("list")],
-    Discriminator(_find_movements_tag),
-    BeforeValidator(_check_movements),
+    Discriminator(find_all_or_list_tag),
+    BeforeValidator(
+        partial(check_all_or_list, things="movements", hint="write [north.1 > east.1]")
+    ),
 ]
 """`all`: from every street into every other one; or a list of movements."""
 
