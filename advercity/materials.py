@@ -10,7 +10,7 @@ below the 110 GHz from which acrylic is listed; skin: Gabriel et al., Phys. Med.
 of asphalt (4.8 up to 40 GHz in the same table), soil, plants and rubber are assumptions. So are
 roughnesses; slopes of bodies include what meshes leave out.
 
-Slopes of facets at 905 nm are those of Oren and Nayar (Generalization of Lambert's reflectance
+Slopes of facets at 905 nm are by Oren and Nayar (Generalization of Lambert's reflectance
 model, SIGGRAPH 1994): 30 deg for wall plaster and 35 deg for sand, as commonly quoted. That of
 asphalt is fitted to a scan of nuScenes (`docs/lidar_calibration.md`); the others are assumptions.
 

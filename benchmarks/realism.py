@@ -1,4 +1,4 @@
-"""Figures of the traffic of shipped scenarios beside those of measured traffic.
+"""Figures of the traffic of shipped scenarios next to measured traffic.
 
     python benchmarks/realism.py [compiled/ui_clear_day_dense.json ...]
 

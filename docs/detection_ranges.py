@@ -2,7 +2,7 @@
 
 The target is alone on a wide, level road, ahead of a vehicle at rest. A detection is
 
-- by a camera if the target's luminance differs from that of the scene without it by 5 % in the mean
+- by a camera if the target's luminance differs by 5 % from the scene without it in the mean
   over its pixels, the contrast that defines visibility; drops on the lens and noise do not count,
 - by a LiDAR if five points are the target's,
 - by a radar if one detection is.
@@ -224,7 +224,7 @@ class DetectionScene:
 
 
 def _narrow_lidar(lidar: Lidar) -> Lidar:
-    """Let a spinning LiDAR scan ahead only, as densely as before."""
+    """Make a spinning LiDAR scan ahead only, as densely as before."""
     first_deg, last_deg = LIDAR_SECTOR_DEG
     azimuths = round(lidar.azimuths * (last_deg - first_deg) / 360.0)
     fields = {"azimuth_deg": LIDAR_SECTOR_DEG, "azimuths": azimuths}

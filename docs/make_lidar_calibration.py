@@ -178,7 +178,7 @@ def _compute_fog_echo_fraction(lidar: Lidar, *, fog_mor_m: float) -> float:
 
 
 def _compute_dry_return(height_m: float, distance_m: float) -> float:
-    """Compute the return of a dry road, over that of a white target that faces the sensor."""
+    """Compute the return of a dry road, over a white target that faces the sensor."""
     cosine = height_m / math.hypot(height_m, distance_m)
     lobe = compute_rough_lobe(ASPHALT.facet_slope_deg)
     return ASPHALT.reflectance_905nm * (cosine + lobe * (1.0 - cosine**2))

@@ -203,7 +203,7 @@ class _Finder:
         return sorted(found, key=lambda item: -len(item.directions))
 
     def suggest(self, arms: JunctionArms) -> list[JunctionSuggestion]:
-        """List what each crew can stage and those before it cannot; if nothing, why."""
+        """List what each crew can stage and those before it cannot; or why none."""
         control, text = self.planner.controls.get(arms.junction, "none"), arms.describe()
         try:
             return list(self._suggest(arms.junction, control, text))

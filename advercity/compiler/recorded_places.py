@@ -16,13 +16,13 @@ _logger = logging.getLogger(__name__)
 MAX_LANE_DISTANCE_M = 10.0
 """Median distance of vehicles from lanes beyond which map and recording have other frames."""
 LANE_WIDTH_M = 3.5
-"""Median distance from lanes beyond which a vehicle drives beside them."""
+"""Median distance from lanes beyond which a vehicle drives next to them."""
 MAX_LISTED = 8
 UNMOTORISED = ("pedestrian", "bicycle")
 
 
 def check_places(spec: Spec, tracks: Iterable[Track]) -> None:
-    """Check that motor vehicles are on the map, and log which of them drive beside its lanes.
+    """Check that motor vehicles are on the map, and log which of them drive next to its lanes.
 
     Args:
         spec: A spec of the road.
@@ -63,4 +63,4 @@ def check_places(spec: Spec, tracks: Iterable[Track]) -> None:
     beside = [f"{name} ({away:.0f} m)" for name, away in medians_m.items() if away > LANE_WIDTH_M]
     if beside:
         listed = ", ".join([*beside[:MAX_LISTED], *["..."][: len(beside) - MAX_LISTED]])
-        _logger.warning("vehicles beside the lanes of the map: %d: %s", len(beside), listed)
+        _logger.warning("vehicles next to the lanes of the map: %d: %s", len(beside), listed)

@@ -138,7 +138,7 @@ def _describe(item: SensorFrame, number: int) -> dict[str, Any]:
 
 
 def _describe_lens(lens: CameraLens | None) -> dict[str, Any]:
-    """Describe a lens by the keys of ROS, which readers of OPV2V ignore; nothing of a pinhole."""
+    """Describe a lens by the keys of ROS, which readers of OPV2V ignore; a pinhole has none."""
     if lens is None:
         return {}
     return {

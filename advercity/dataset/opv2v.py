@@ -142,7 +142,7 @@ def _encode_motion(item: SensorFrame) -> bytes:
 
 
 def _encode_messages(item: SensorFrame) -> bytes:
-    """Encode what an agent sends, also nothing, if there is a channel."""
+    """Encode the messages of an agent, also an empty list, if there is a channel."""
     assert item.sent is not None
     return format_json(build_messages_document(item.frame, item.sent))
 

@@ -9,7 +9,7 @@ from advercity.sensors.stage import SensorDriver
 
 
 class ImuDriver(SensorDriver):
-    """Measures with inertial units; until the first frame nothing has changed."""
+    """Measures with inertial units; they have no state before the first frame."""
 
     def measure(self, agent: Agent, number: int) -> ImuSample | None:
         """Measure the samples since the previous frame; None if there is none."""
@@ -39,7 +39,7 @@ class ImuDriver(SensorDriver):
 
 
 class CanDriver(SensorDriver):
-    """Samples buses of vehicles; until the first frame nothing has changed."""
+    """Samples buses of vehicles; they have no state before the first frame."""
 
     def measure(self, agent: Agent, number: int) -> CanSample | None:
         """Sample the signals since the previous frame; None if there is none."""

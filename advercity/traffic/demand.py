@@ -324,7 +324,7 @@ def _draw_background_trips(
             starts.remove(start)
             occupancy.occupy(*start, length_m)
         if redraws.get(number, 0):
-            # One that was in the way enters at the edge. Its start stays empty: nobody else moves.
+            # One that was in the way enters at the edge. Its start stays empty: all others stay.
             start = None
         if start is not None or graph.entry_lanes:
             trip = _draw_trip(spec, graph, actor, start, redraws.get(number, 0), length_m)

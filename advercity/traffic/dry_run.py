@@ -144,7 +144,7 @@ class _DryRuns:
         return self._check_result(demand, recording)
 
     def _send_more_across(self, demand: TrafficDemand, recording: SumoRecording) -> bool:
-        """Let more people set out to cross; False if as many do as declared, or no more can."""
+        """Send more people across; False if as many do as declared, or no more can."""
         if self._crossing_runs == 0:
             return False
         self._crossing_runs -= 1

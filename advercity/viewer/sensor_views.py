@@ -16,7 +16,7 @@ POINT_PX, ECHO_PX = 1.5, 0.5
 
 
 def show_camera(item: SensorFrame, number: int, colouring: CloudColour) -> tuple[Shown, ...]:
-    """Show an image in the scene, and its classes beside it, where they do not cover the image."""
+    """Show an image in the scene, and its classes next to it, where they do not cover the image."""
     image, name = item.camera_images[number], f"camera{number}"
     model, pose = item.build_camera_model(number), image.world_from_camera
     classes = to_semantic_colours(image.semantic)

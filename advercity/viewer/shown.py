@@ -17,7 +17,7 @@ class Picture:
     """An image with a view of its own.
 
     Attributes:
-        sensor: Name of the sensor among those of its agent: `camera0`.
+        sensor: Name of the sensor, unique in its agent: `camera0`.
         title: Title of the view.
         pixels: (h, w, 3) RGB.
         pose: (4, 4) in the world, body axes, of an image that is in the scene too.
@@ -40,7 +40,7 @@ class Points:
     """Points in the scene.
 
     Attributes:
-        sensor: Name of the sensor among those of its agent: `radar0`.
+        sensor: Name of the sensor, unique in its agent: `radar0`.
         points: (n, 3) metres in the sensor's frame.
         pose: (4, 4) of the sensor in the world.
         colours: (n, 3) RGB, or one of all.

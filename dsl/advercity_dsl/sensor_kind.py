@@ -26,7 +26,7 @@ class SensorKind:
             that keep its measurements; it is loaded when it is used.
         driver: Names a `SensorDriver` of `advercity.sensors.stage`, which measures.
         show: Names a function of `advercity.viewer.shown` that lists what viewers show of a
-            measurement; empty for nothing.
+            measurement; empty if they show none.
         not_on_units: Why no roadside unit has one; empty if it may.
     """
 

@@ -1,4 +1,4 @@
-"""The kinds of sensors of this installation: those of advercity, then those of others.
+"""The kinds of sensors of this installation: of advercity, then of other packages.
 
 Another distribution registers its `SensorKind`, under the kind's name, as an entry point of the
 group `advercity.sensors`.
@@ -113,7 +113,7 @@ class SensorKinds(NamedTuple):
 def load_sensor_kinds() -> SensorKinds:
     """Load the kinds of this installation."""
     found, broken = dict(CORE_KINDS), dict[str, str]()
-    # By name, since the order in which distributions were installed must decide nothing. One that
+    # By name, since the order in which distributions were installed must not matter. One that
     # is found on two paths is listed twice.
     entries = entry_points(group=ENTRY_POINT_GROUP)
     distributions = {entry.name: entry.dist.name if entry.dist else "" for entry in entries}

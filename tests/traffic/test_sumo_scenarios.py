@@ -154,7 +154,7 @@ def test_vehicles_on_streets_that_are_not_taken_over_are_listed(
 
     messages = [record.getMessage() for record in caplog.records]
     assert len(messages) == listed
-    assert all(re.search(r"beside the lanes of the map: 1: line_7 \(\d+ m\)", m) for m in messages)
+    assert all(re.search(r"next to the lanes of the map: 1: line_7 \(\d+ m\)", m) for m in messages)
 
 
 @pytest.mark.parametrize(

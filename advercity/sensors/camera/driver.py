@@ -160,7 +160,7 @@ class CameraDriver(SensorDriver):
         ).shutter_s
 
     def _advance_frame(self, frame: Frame, instant: Instant) -> Frame:
-        """Advance actors to an instant, and let lamps flicker in its exposure."""
+        """Advance actors to an instant, and flicker lamps in its exposure."""
         then = frame.advance(instant.time_s) if instant.time_s else frame
         if instant.exposure_s is None:
             return then
@@ -254,7 +254,7 @@ def build_camera_view(
 def _turn_normals(normal: NDArray[np.float32], world_from_camera: Matrix) -> NDArray[np.float32]:
     """Turn vectors (h, w, 3) of the world into a camera's optical axes.
 
-    Its poses (h, 4, 4) are those of all rows, or one (1, 4, 4) of the whole image.
+    It has a pose for each row (h, 4, 4), or one for the whole image (1, 4, 4).
     """
     rotations = poses.OPTICAL_FROM_BODY[:3, :3] @ world_from_camera[:, :3, :3].swapaxes(1, 2)
     return (normal @ rotations.swapaxes(1, 2)).astype(np.float32)

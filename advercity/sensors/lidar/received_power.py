@@ -181,7 +181,7 @@ IS_GLASS = np.array([row.is_transparent for row in _ROWS])
 def effective_reflectance(
     hits: RayHits, *, wetness: float = 0.0, snow_cover: float = 0.0, road_snow_cover: float = 0.0
 ) -> FloatArray:
-    """Compute the return of surfaces (n,) relative to that of a white one that faces the sensor.
+    """Compute the return of surfaces (n,) relative to a white one that faces the sensor.
 
     A Lambertian surface returns its reflectance times the cosine of incidence, a rough one more at
     grazing incidence; retroreflectors return more than 1.
