@@ -90,6 +90,28 @@ def test_bricks_are_as_large_as_they_are_laid():
     assert pieces.edge_m.max() == pytest.approx(0.115, abs=0.004)
 
 
+@pytest.mark.parametrize(
+    ("name", "image", "across", "spacing_m"),
+    [
+        ("asphalt", "color", 0, 0.008),  # stones of SMA 8
+        ("asphalt_new", "normal", 1, 0.008),
+        ("brick", "color", 0, 1 / 12),  # courses of DIN 4172: twelve a metre
+        ("brick_yellow", "color", 0, 1 / 12),
+        ("paving", "color", 1, 0.5),
+        ("concrete_panels", "color", 0, 2.0),
+        ("roof_tile", "normal", 0, 1 / 3),  # twelve pantiles a square metre
+        ("metal_sheet", "color", 1, 0.25),  # ribs of profile 35/250
+    ],
+)
+def test_pieces_of_a_surface_are_as_far_apart_as_real_ones(
+    name: str, image: str, across: int, spacing_m: float
+):
+    maps = bake_maps(name, 512)
+    values = getattr(maps, image)[..., 1 - across].astype(float)
+    power = np.abs(np.fft.rfft(values.mean(axis=1 - across)))
+    assert maps.tile_m / (1 + power[1:].argmax()) == pytest.approx(spacing_m, rel=0.03)
+
+
 def test_packed_pieces_go_on_at_the_opposite_edge():
     pieces = Tile("stones", size_m=1.0, pixels=PIXELS).pack("cells", 8)
     areas = np.bincount(pieces.label.ravel(), minlength=pieces.count)

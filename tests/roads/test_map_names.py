@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element, fromstring
 
@@ -18,7 +19,7 @@ from advercity.roads.map_import import import_map
 from advercity.roads.map_names import rename_network
 from advercity.roads.network_file import parse_network
 from advercity.roads.routes import RoutePlanner
-from advercity.roads.streets import parse_edge_id
+from advercity.roads.streets import parse_edge_id, sumo_edge_id
 from advercity.roads.sumo_xml import pack_network, sanitize_network
 from tests.roads.imported_roads import CROSSROADS, DATA, declaration
 from tests.roads.sumo_networks import ARMS, build_crossing_network, parse_crossing_network
@@ -129,6 +130,39 @@ def test_any_name_of_a_street_becomes_an_id(name: str, street: str, tmp_path: Pa
     assert {f"{street}_1", f"{street}_2"} < set(streets)
 
 
+@given(
+    st.lists(st.from_regex(ID_PATTERN, fullmatch=True), min_size=1, max_size=4, unique=True),
+    st.data(),
+)
+def test_streets_of_our_own_networks_keep_their_ids(names: list[str], data: st.DataObject) -> None:
+    """Streets lead along their axis, or both ways; edges come in any order."""
+    own = [
+        (name, along)
+        for name in names
+        for along in (True, False)[: 1 + data.draw(st.booleans(), label="both ways")]
+    ]
+    edges = data.draw(st.permutations(own))
+
+    assert rename_streets(edges) == [sumo_edge_id(name, along=along) for name, along in edges]
+
+
+@given(st.from_regex(ID_PATTERN, fullmatch=True), st.booleans())
+def test_a_street_that_only_leads_against_its_axis_is_not_of_ours(name: str, twice: bool) -> None:
+    edges = [(name, False), *([(f"{name}2", True)] if twice else [])]
+
+    assert sumo_edge_id(name, along=False) not in rename_streets(edges)
+
+
+def rename_streets(edges: Sequence[tuple[str, bool]]) -> list[str]:
+    """Rename a network of edges along the axes of streets, or against them; return their ids."""
+    net = fromstring("<net><junction id='1'/><junction id='2'/></net>")
+    for name, along in edges:
+        y = 20 * [name for name, _ in edges].index(name)
+        _add_edge(net, sumo_edge_id(name, along=along), y if along else y + 4, along=along)
+    rename_network(net, {})
+    return [item.attrib["id"] for item in net.iter("edge")]
+
+
 WORDS = st.one_of(
     st.text(max_size=20),
     st.sampled_from(["7th Avenue", "A", "a_1", "A 1", "North", "left", "main", "!", "x" * 300]),
@@ -151,8 +185,15 @@ def _build_streets(count: int) -> Element:
     """Build one-way streets from one junction to another."""
     net = fromstring("<net><junction id='1'/><junction id='2'/></net>")
     for number in range(count):
-        edge = Element("edge", {"id": str(number), "from": "1", "to": "2"})
-        shape = {"shape": f"0,{20 * number} 100,{20 * number}", "length": "100", "speed": "10"}
-        edge.append(Element("lane", {"id": f"{number}_0", "index": "0", **shape}))
-        net.append(edge)
+        _add_edge(net, str(number), 20 * number)
     return net
+
+
+def _add_edge(net: Element, name: str, y: int, *, along: bool = True) -> None:
+    """Add an edge of one lane between the junctions 1 and 2, or back."""
+    first, last = ("1", "2") if along else ("2", "1")
+    shape = f"0,{y} 100,{y}" if along else f"100,{y} 0,{y}"
+    edge = Element("edge", {"id": name, "from": first, "to": last})
+    lane = {"id": f"{name}_0", "index": "0", "shape": shape, "length": "100", "speed": "10"}
+    edge.append(Element("lane", lane))
+    net.append(edge)

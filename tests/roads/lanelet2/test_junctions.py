@@ -188,6 +188,33 @@ def test_a_stop_sign_on_one_road_stops_that_one(tmp_path: Path) -> None:
     assert (states[f"lanelet_{west}"], states[f"lanelet_{south}"]) == ("M", "s")
 
 
+@pytest.mark.parametrize(
+    ("lengths_m", "node"),
+    [
+        ([24], "traffic_light"),
+        ([26], "priority"),
+        ([14, 10], "traffic_light"),
+        ([16, 10], "priority"),
+    ],
+)
+def test_rules_count_within_25_m_of_a_junction(
+    lengths_m: list[float], node: str, tmp_path: Path
+) -> None:
+    """Behind a lanelet with a light come others without, up to one that another road crosses."""
+    lanelets = LaneletMap()
+    seen = lanelets.way([(-14, -3), (-14, -3.6)], "traffic_light")
+    rule = lanelets.rule("traffic_light", member("refers", seen))
+    begin_m = -52.0 - sum(lengths_m)
+    names: list[int] = []
+    for length_m in (40, *lengths_m, 24, 40):
+        left, right = (lanelets.way(side) for side in row((begin_m, 0), (begin_m + length_m, 0)))
+        names.append(lanelets.lanelet(left, right, [] if names else [rule]))
+        begin_m += length_m
+    lanelets.lane(*row((0, -60), (0, 60)))
+
+    assert get_node(import_lanelets(tmp_path, lanelets), names[0])[1] == node
+
+
 def describe(lanelets: LaneletMap, folder: Path) -> str:
     return describe_left_out(import_text(folder, lanelets.write()).left_out)
 
