@@ -10,8 +10,20 @@ from pathlib import Path
 
 PR_SET_PDEATHSIG = 1
 """From `linux/prctl.h`."""
-CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT)
-"""Signals that end native code whose allocations fail."""
+LIMITS = (
+    (
+        resource.RLIMIT_AS,
+        (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT),
+        "-v",
+        1e9,
+        "GB of addresses",
+    ),
+    (resource.RLIMIT_FSIZE, (signal.SIGBUS, signal.SIGXFSZ), "-f", 1e6, "MB for a file"),
+)
+"""Limits, signals that end native code at them, options of `ulimit`, and units to tell them in.
+
+Drivers of Vulkan map files into memory.
+"""
 MISSING_PROGRAM = 127
 """Exit code of a command whose program does not start."""
 
@@ -43,7 +55,7 @@ def bind_to_this_process(command: Sequence[str]) -> list[str]:
 
 
 def describe_end(exit_code: int) -> str:
-    """Describe how a child process ended, and a limit of memory that native code may have met.
+    """Describe how a child process ended, and the limits that native code may have met.
 
     Args:
         exit_code: Negative: the number of the signal that killed it.
@@ -51,9 +63,10 @@ def describe_end(exit_code: int) -> str:
     if exit_code >= 0:
         return f"exit code {exit_code}"
     text = f"killed by {signal.Signals(-exit_code).name}"
-    limit_bytes, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if -exit_code in CRASHES and limit_bytes != resource.RLIM_INFINITY:
-        text += f" where `ulimit -v` leaves {limit_bytes / 1e9:.1f} GB of addresses; allow more"
+    for limit, signals, option, unit, name in LIMITS:
+        bound, _ = resource.getrlimit(limit)
+        if -exit_code in signals and bound != resource.RLIM_INFINITY:
+            text += f" where `ulimit {option}` leaves {bound / unit:.1f} {name}; allow more"
     return text
 
 

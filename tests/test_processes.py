@@ -43,30 +43,39 @@ def test_a_program_that_is_not_there_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("limit_bytes", "exit_code", "text"),
+    ("limit", "limit_bytes", "exit_code", "text"),
     [
-        (resource.RLIM_INFINITY, 3, "exit code 3"),
-        (2_000_000_000, 3, "exit code 3"),
-        (resource.RLIM_INFINITY, -11, "killed by SIGSEGV"),
-        (2_000_000_000, -9, "killed by SIGKILL"),
+        (resource.RLIMIT_AS, resource.RLIM_INFINITY, 3, "exit code 3"),
+        (resource.RLIMIT_AS, 2_000_000_000, 3, "exit code 3"),
+        (resource.RLIMIT_AS, resource.RLIM_INFINITY, -11, "killed by SIGSEGV"),
+        (resource.RLIMIT_AS, 2_000_000_000, -9, "killed by SIGKILL"),
         (
+            resource.RLIMIT_AS,
             2_040_000_000,
             -11,
             "killed by SIGSEGV where `ulimit -v` leaves 2.0 GB of addresses; allow more",
         ),
         (
+            resource.RLIMIT_AS,
             960_000_000,
             -6,
             "killed by SIGABRT where `ulimit -v` leaves 1.0 GB of addresses; allow more",
         ),
+        (
+            resource.RLIMIT_FSIZE,
+            204_800,
+            -7,
+            "killed by SIGBUS where `ulimit -f` leaves 0.2 MB for a file; allow more",
+        ),
+        (resource.RLIMIT_FSIZE, 204_800, -11, "killed by SIGSEGV"),
     ],
 )
-def test_a_crash_under_a_limit_of_memory_names_the_limit(
-    limit_bytes: int, exit_code: int, text: str, monkeypatch: pytest.MonkeyPatch
+def test_a_crash_under_a_limit_names_the_limit(
+    limit: int, limit_bytes: int, exit_code: int, text: str, monkeypatch: pytest.MonkeyPatch
 ):
     def getrlimit(kind: int) -> tuple[int, int]:
-        assert kind == resource.RLIMIT_AS
-        return limit_bytes, limit_bytes
+        bound = limit_bytes if kind == limit else resource.RLIM_INFINITY
+        return bound, bound
 
     monkeypatch.setattr(resource, "getrlimit", getrlimit)
     assert describe_end(exit_code) == text

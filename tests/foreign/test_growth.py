@@ -6,20 +6,23 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from advercity_dsl import MapFile, Road
 from advercity_dsl.road import MapSource
 
 from advercity.array_files import load_arrays
-from advercity.assets.model_files import read_obj
+from advercity.assets.model_files import ModelPart, read_glb, read_obj, to_glb
 from advercity.benchmark.predictions import load_predictions
+from advercity.compiler.library import load_declaration
 from advercity.compiler.recorded_roads import load_recorded_scenario, load_recorded_table
 from advercity.dataset.cloud_files import encode_ply, read_foreign_pcd, read_ply
 from advercity.documents import parse_json, parse_yaml
 from advercity.errors import AdvercityError
 from advercity.foreign.ledger import Ledger
 from advercity.foreign.xml_documents import parse_xml
+from advercity.image_files import decode_image
 from advercity.recordings.sumo_scenario import read_sumo_scenario
 from advercity.roads.map_import import PLANNERS
 from tests.recordings.recorded_files import (
@@ -146,6 +149,60 @@ def read_members(folder: Path, count: int) -> Read:
     return lambda: load_arrays(folder / "a.npz", max_bytes=1 << 30)
 
 
+def read_triangles(folder: Path, count: int) -> Read:
+    corners = np.random.default_rng(1).normal(size=(3 * count, 3))
+    glb = to_glb([ModelPart("car_paint_red", corners, np.arange(3 * count).reshape(-1, 3))])
+    return lambda: read_glb(glb, "car.glb")
+
+
+def read_meshes(folder: Path, count: int) -> Read:
+    triangle = np.array([[0.0, 1.0, 2.0]]), np.eye(3)
+    glb = to_glb(
+        [ModelPart(f"m{i}", triangle[1] + i, triangle[0].astype(int)) for i in range(count)]
+    )
+    return lambda: read_glb(glb, "car.glb")
+
+
+def read_pixels(folder: Path, count: int) -> Read:
+    noise = np.random.default_rng(1).integers(0, 256, (count, 500, 3), np.uint8)
+    png = cv2.imencode(".png", noise)[1].tobytes()
+    return lambda: decode_image(png, cv2.IMREAD_COLOR_RGB)
+
+
+def read_chain(folder: Path, count: int) -> Read:
+    """A chain of cameras of Kalibr, the last of which a rig names."""
+    camera = (
+        "  camera_model: pinhole\n  intrinsics: [461.6, 460.1, 362.7, 246.0]\n"
+        "  distortion_model: radtan\n  distortion_coeffs: [-0.27, 0.067, 0, 0]\n"
+        "  resolution: [752, 480]\n"
+    )
+    (folder / "chain.yaml").write_text("".join(f"cam{i}:\n{camera}" for i in range(count)))
+    named = (
+        f"{{calibration: chain.yaml, calibrated_camera: cam{count - 1}, mounts: [{{z_m: 1.5}}]}}"
+    )
+    rig = folder / "rig.yaml"
+    rig.write_text(f"kind: rig\nid: chain\nvehicle:\n  camera: {named}\n  lidar: {{}}\n")
+    return lambda: load_declaration(rig)
+
+
+def read_expressions(folder: Path, count: int) -> Read:
+    """Vertices of OpenSCENARIO at places that expressions compute of as many parameters."""
+    write_street(folder)
+    path = write_openscenario(folder)
+    numbers = range(count)
+    declared = "".join(
+        f'<ParameterDeclaration name="p{i}" parameterType="double" value="{48 + 20 * i / count}"/>'
+        for i in numbers
+    )
+    along = "".join(format_vertex(4 * i / (count - 1), i, -1.75, 0.0) for i in numbers)
+    for i in numbers:
+        along = along.replace(f'x="{i:.6f}"', f'x="${{($p{i} + 1) - 1}}"')
+    before, begin, after = path.read_text().partition("<Polyline>")
+    text = f"{before}{begin}{along}</Polyline>{after.partition('</Polyline>')[2]}"
+    path.write_text(text.replace("</ParameterDeclarations>", f"{declared}</ParameterDeclarations>"))
+    return lambda: load_recorded_scenario(path)
+
+
 GROWING: dict[str, tuple[int, Callable[[Path, int], Read]]] = {
     "items of YAML": (1000, lambda _, n: lambda: parse_yaml("- {a: 1}\n" * n, FILE)),
     "a text of YAML": (60_000, lambda _, n: lambda: parse_yaml('a: "' + r"\n" * n + '"', FILE)),
@@ -168,6 +225,11 @@ GROWING: dict[str, tuple[int, Callable[[Path, int], Read]]] = {
     "points of a PLY": (3000, read_ply_points),
     "faces of an OBJ": (1000, read_faces),
     "arrays of an NPZ": (20, read_members),
+    "triangles of a GLB": (3000, read_triangles),
+    "meshes of a GLB": (10, read_meshes),
+    "rows of a PNG": (100, read_pixels),
+    "cameras of a calibration": (60, read_chain),
+    "expressions of OpenSCENARIO": (50, read_expressions),
 }
 """Files of a parser by a size at which it takes some milliseconds."""
 
