@@ -1,4 +1,4 @@
-"""Names and keys of the original's configuration, for tools that were written for it.
+"""Names and keys of the original's configuration, for its own tools.
 
 Its `generate_summary.py` reads them from `data_protocol.yaml`.
 """
@@ -19,7 +19,7 @@ WEATHERS = {
     "heavy_rain": "hard_rain",
     "foggy_heavy_rain": "foggy_hard_rain",
 }
-"""The original's names by ours; what it does not have keeps its id."""
+"""The original's names by ours; ids missing here stay as they are."""
 SPAWN_POINTS = {"vehicle": 2, "roadside_unit": 1}
 """Places around which the original spawns traffic, by kind of agent."""
 
@@ -37,9 +37,9 @@ def describe_as_original(spec: Spec) -> dict[str, str]:
 
 
 def build_protocol(spec: Spec) -> dict[str, Any]:
-    """Build `data_protocol.yaml`: the spec, and the keys that the original's tools look for.
+    """Build `data_protocol.yaml`: the spec, with additional keys for the original's tools.
 
-    They compute the numbers of vehicles and pedestrians from those of a spawn point.
+    They multiply the counts of one spawn point to get the numbers of vehicles and pedestrians.
     """
     names, vehicles, walkers = (
         describe_as_original(spec),

@@ -1,8 +1,7 @@
-"""What one agent recorded in one frame, read from its files.
+"""The data of one agent in one frame, read from its files.
 
-Everything comes back in the right-handed frames that the rest of advercity uses, whatever the
-layout of the files: world x east, y north, z up; bodies x forward, y left, z up; metres and
-radians.
+All values are in advercity's right-handed frames, whatever the layout of the files: world x east,
+y north, z up; bodies x forward, y left, z up; metres and radians.
 """
 
 from __future__ import annotations
@@ -63,7 +62,7 @@ REPAIR_HINT = "`advercity verify` lists all such files, `advercity repair` resto
 
 @contextmanager
 def report_read_errors(path: Path, hint: str = REPAIR_HINT) -> Generator[None]:
-    """Name the file in any error that reading or parsing it raises.
+    """Name the file in any error raised by reading or parsing it.
 
     Args:
         path: The file.
@@ -84,7 +83,7 @@ def report_read_errors(path: Path, hint: str = REPAIR_HINT) -> Generator[None]:
 
 
 class AgentView:
-    """What one agent recorded in one frame.
+    """The data of one agent in one frame.
 
     The properties `cloud`, `points`, `radar`, `measured` and `extras` read their file at every use:
     keep the result rather than the view. The frame's YAML, which all others need, is read once and
@@ -134,11 +133,11 @@ class AgentView:
         return self.agent.place.kind == "roadside_unit"
 
     def count(self, kind: str) -> int:
-        """Count the sensors of a kind, such as `radar`, that the agent carries."""
+        """Count the agent's sensors of a kind, such as `radar`."""
         return len(self.agent.sensors.list_sensors(kind))
 
     def read(self, kind: str, number: int = 0) -> Any:
-        """Read what a sensor of a kind measured, as a run had it before it was written.
+        """Read the measurement of a sensor as its driver returned it during the run.
 
         InputError if the agent has no such sensor; None of a receiver, unit or bus without a
         report.
@@ -161,12 +160,12 @@ class AgentView:
 
     @property
     def cameras(self) -> int:
-        """Number of cameras that the agent carries."""
+        """Number of the agent's cameras."""
         return self.count("camera")
 
     @property
     def lidars(self) -> int:
-        """Number of LiDARs that the agent carries."""
+        """Number of the agent's LiDARs."""
         return self.count("lidar")
 
     def image(self, camera: int) -> NDArray[np.uint8]:
@@ -178,10 +177,10 @@ class AgentView:
         return from_semantic_colours(self._read_camera("semantic", camera, cv2.IMREAD_COLOR_RGB))
 
     def instance(self, camera: int) -> NDArray[np.int32]:
-        """Read the ids (h, w) of the actors that a camera's pixels show, 0 for everything static.
+        """Read the ids (h, w) of the actors in a camera's pixels, 0 for everything static.
 
-        They are those of `boxes.ids`, and of actors that the agent does not annotate. InputError if
-        the rig does not ask for `truth: [instance]`.
+        Ids are as in `boxes.ids`; actors without an annotation by this agent appear, too.
+        InputError if the rig does not ask for `truth: [instance]`.
         """
         self._check_truth("instance", camera)
         return from_instance_colours(self._read_camera("instance", camera, cv2.IMREAD_COLOR_RGB))
@@ -195,7 +194,7 @@ class AgentView:
         return from_normal_colours(self._read_camera("normal", camera, cv2.IMREAD_COLOR_RGB))
 
     def flow(self, camera: int) -> OpticalFlow:
-        """Read where the points that a camera's pixels show are in its next image.
+        """Read the motion of each of a camera's pixels to the next image.
 
         In the last frame of a scenario it is unknown. InputError if the rig does not ask for
         `truth: [flow]`.
@@ -209,8 +208,8 @@ class AgentView:
     def hdr(self, camera: int) -> NDArray[np.float32]:
         """Read the light (h, w, 3) on a camera's sensor in cd/m² of red, green and blue.
 
-        It is as the sensor measured it before white balance and tone curve, so with noise, at most
-        what the sensor resolves. InputError if the rig does not ask for `hdr: true`.
+        Values are before white balance and tone curve: with noise, and clipped to the range of the
+        sensor. InputError if the rig does not ask for `hdr: true`.
         """
         self._check_asked("hdr", camera, "hdr: true")
         mode = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_ANYDEPTH
@@ -228,7 +227,7 @@ class AgentView:
         return values
 
     def load_readout(self, camera: int) -> CameraReadout:
-        """Load what the values of a camera's linear and raw images mean in this frame."""
+        """Load the meaning of the values of a camera's linear and raw images in this frame."""
         _check_number("camera", camera, self.cameras, self.id)
         with report_read_errors(self.path("_objects.json"), self.hint):
             found: dict[str, Any] = dict(self.extras["readouts"][f"camera{camera}"])
@@ -285,7 +284,7 @@ class AgentView:
 
     @property
     def radars(self) -> int:
-        """Number of radars that the agent carries."""
+        """Number of the agent's radars."""
         return self.count("radar")
 
     @property
@@ -296,8 +295,8 @@ class AgentView:
     def load_radar(self, radar: int) -> NDArray[np.void]:
         """Load the detections (n,) of a radar.
 
-        Fields: `x`, `y`, `z` in the radar's frame; `velocity` in m/s, positive for what moves away;
-        `rcs` in dB over 1 m²; `snr` in dB; `object_id`; `kind` of `PointKind`.
+        Fields: `x`, `y`, `z` in the radar's frame; `velocity` in m/s, positive for receding
+        objects; `rcs` in dB over 1 m²; `snr` in dB; `object_id`; `kind` of `PointKind`.
         """
         _check_number("radar", radar, self.radars, self.id)
         table = read_pcd(self.path(self._format.format_radar_suffix(radar)), RADAR_POINT).copy()
@@ -316,11 +315,11 @@ class AgentView:
 
     @property
     def thermals(self) -> int:
-        """Number of thermal cameras that the agent carries."""
+        """Number of the agent's thermal cameras."""
         return self.count("thermal")
 
     def thermal(self, camera: int) -> NDArray[np.float32]:
-        """Read the temperatures (h, w) in kelvin of black bodies that would look as the pixels."""
+        """Read the temperatures (h, w) in kelvin of black bodies with the pixels' radiance."""
         return self.thermal_counts(camera) * np.float32(KELVIN_PER_COUNT)
 
     def thermal_counts(self, camera: int) -> NDArray[np.uint16]:
@@ -334,7 +333,7 @@ class AgentView:
         return from_semantic_colours(colours)
 
     def thermal_instance(self, camera: int) -> NDArray[np.int32]:
-        """Read the ids (h, w) of the actors that a thermal camera's pixels show, 0 for no actor."""
+        """Read the ids (h, w) of the actors in a thermal camera's pixels, 0 for no actor."""
         colours = self._read_thermal("thermal_instance", camera, cv2.IMREAD_COLOR_RGB)
         return from_instance_colours(colours)
 
@@ -368,8 +367,8 @@ class AgentView:
     def measured(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Points (n, 3) as the moving LiDAR measured them, and the time (n,) of each in seconds.
 
-        They are in the order of `points`; without `motion_distortion` they are those, at time 0.
-        The file of `cloud` is read at every use.
+        They are in the order of `points`. Without `motion_distortion` the points equal `points`,
+        all at time 0. The file of `cloud` is read at every use.
         """
         return extract_measured(self.cloud)
 
@@ -390,7 +389,7 @@ class AgentView:
 
     @property
     def motion(self) -> tuple[GnssFix | None, ImuSample | None]:
-        """What receiver and inertial unit reported, where the agent has them; read at every use."""
+        """The reports of receiver and inertial unit, each None if absent; read at every use."""
         document = self._load_motion()
         with report_read_errors(self.path(self._format.motion_suffix), self.hint):
             gnss, imu = document.get("gnss"), document.get("imu")
@@ -405,7 +404,7 @@ class AgentView:
             return signals and parse_can(signals)
 
     def _load_motion(self) -> dict[str, Any]:
-        """Load what receiver, inertial unit and bus reported; nothing of agents without them."""
+        """Load the reports of receiver, inertial unit and bus; empty for agents without them."""
         if not self._has_motion_file():
             return {}
         path = self.path(self._format.motion_suffix)
@@ -418,15 +417,15 @@ class AgentView:
 
     @property
     def messages_suffix(self) -> str:
-        """End of the name of the file with the V2X messages that this agent sends."""
+        """End of the name of the file with this agent's V2X messages."""
         return self._format.messages_suffix
 
     def load_messages_document(self) -> dict[str, Any]:
-        """Load the content of that file, left-handed as it is; read at every use."""
+        """Load the content of that file, still left-handed; read at every use."""
         return self.load_json(self.messages_suffix)
 
     def load_json(self, suffix: str) -> dict[str, Any]:
-        """Load the JSON document of this agent's file in this frame with that suffix."""
+        """Load the JSON document with this suffix of this agent and frame."""
         path = self.path(suffix)
         with report_read_errors(path, self.hint):
             return parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path, hint=self.hint)
@@ -461,8 +460,8 @@ class AgentView:
     def pixels(self, camera: int, points_world: NDArray[np.float64]) -> NDArray[np.float64]:
         """Project points (n, 3) of the world into an image: column, row, depth in metres (n, 3).
 
-        Points in the camera's plane give inf or NaN: drop by their depth what is not ahead. On
-        images of a rolling shutter, the points rest while the camera moves.
+        Points in the camera's plane give inf or NaN: drop points by their depth if they are not
+        ahead. With a rolling shutter, the points rest while the camera moves.
         """
         model, rolling = self.camera_model(camera), self.rolling_camera(camera)
         if rolling is None:
@@ -487,7 +486,7 @@ class AgentView:
     def row_times(self, camera: int) -> NDArray[np.float64]:
         """Return when rows (h,) of an image are exposed, in seconds from the image's time.
 
-        That is the frame's, or the one in `stamps`.
+        The image's time is the frame's, or the one in `stamps`.
         """
         height_px = self.camera_model(camera).height_px
         kind = self.agent.sensors.cameras[camera].model
@@ -534,10 +533,10 @@ class AgentView:
             return parse_boxes(self._get_described("vehicles") | self._get_described("walkers"))
 
     def load_steady_boxes(self) -> Boxes:
-        """Load the annotated objects with boxes that move as bodies do.
+        """Load the annotated objects with boxes of constant size.
 
-        Those of pedestrians hold all poses of the gait, since formats with one pose an object have
-        no other place for the stride.
+        The box of a pedestrian holds all poses of the gait: formats with one pose per object cannot
+        store the stride otherwise.
         """
         objects = self.extras["objects"]
         with report_read_errors(self.path("_objects.json")):
@@ -552,7 +551,7 @@ class AgentView:
             return mirror_points(np.reshape(found, (-1, 3)))
 
     def path(self, suffix: str) -> Path:
-        """Return the path of this agent's file in this frame with that suffix, as `.pcd`."""
+        """Return the path of this agent's file in this frame with a suffix, such as `.pcd`."""
         return self._stem.with_name(self._stem.name + suffix)
 
     def parse_pose(self, *keys: str) -> Matrix:

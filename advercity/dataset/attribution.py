@@ -1,4 +1,4 @@
-"""Formats authors and licences of what a scenario shows of others."""
+"""Formats authors and licences of third-party models and photographs in a scenario."""
 
 from advercity_dsl import Spec
 from advercity_dsl.catalogue import FreeLicence
@@ -35,7 +35,7 @@ materials of this project, under these licences:
 
 
 def format_attribution(spec: Spec, identity: Identity) -> str:
-    """Format the authors and licences of what the scenario shows of others, as Markdown, or ""."""
+    """Format the authors and licences of third-party content as Markdown; "" without any."""
     models = [
         f"| {name} | {format_model_name(model)} | {model.author} |"
         f" {_link_licence(model.licence)} |\n"

@@ -35,9 +35,9 @@ def draw_bird_views(
 ) -> list[dict[str, Uint8Array]]:
     """Draw the maps (256, 256) of every agent by name, in the order of `sensor_frames`.
 
-    `dynamic` has all other vehicles, `visibility` those in the agent's images, `visibility_corp`
-    those in any agent's images, `static` the driving lanes, and `lane` their borders outside
-    junctions, and crossings.
+    `dynamic` has all other vehicles, `visibility` the vehicles in the agent's images,
+    `visibility_corp` the ones in any agent's images, `static` the driving lanes, and `lane`
+    crossings and lane borders outside junctions.
     """
     visible = [find_visible_actors(item.camera_images) for item in sensor_frames]
     visible_to_any = frozenset[int]().union(*visible)
@@ -50,7 +50,7 @@ def draw_bird_views(
 
 
 def find_visible_actors(images: Iterable[CameraImage]) -> frozenset[int]:
-    """Find the ids of the actors that are visible in at least one of the images."""
+    """Find the ids of the actors visible in at least one of the images."""
     return frozenset(
         number
         for image in images
@@ -61,7 +61,7 @@ def find_visible_actors(images: Iterable[CameraImage]) -> frozenset[int]:
 
 @dataclass(frozen=True, eq=False)
 class _Outlines:
-    """Outlines in one array, so that one product transforms them all.
+    """Outlines in one array, so one product transforms them all.
 
     Attributes:
         points: (n, 3) points of all outlines, in the world.
@@ -114,7 +114,7 @@ def _draw_masks(
 
 
 def _compute_map_from_world(sensor_frame: SensorFrame) -> Matrix:
-    """Compute the level frame (4, 4) that a map is drawn in: x ahead, y left, metres."""
+    """Compute the level frame (4, 4) of a map: x ahead, y left, metres."""
     is_unit = sensor_frame.agent.place.kind == "roadside_unit"
     centre = sensor_frame.world_from_lidar if is_unit else sensor_frame.world_from_agent
     return poses.invert_pose(

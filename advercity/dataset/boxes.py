@@ -12,27 +12,27 @@ from numpy.typing import NDArray
 from advercity.dataset.carla_frame import matrix_from_carla_pose, mirror_angle, mirror_points
 
 UNCLASSIFIED = "vehicle"
-"""Class of an object in folders of others of which only that is known."""
+"""Class of a vehicle of unknown kind in folders of others."""
 _Speed = TypeVar("_Speed", float, NDArray[np.float64])
 
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Objects that one agent annotates, n of them.
+    """The n objects annotated by one agent.
 
     Attributes:
         ids: (n,) int64, the same for the same object in all frames and agents of a scenario.
         classes: (n,) text: car, van, truck, bicycle, motorcycle or pedestrian; `vehicle` or other
             names in folders of others.
         world_from_box: (n, 4, 4); origin in the middle of the box, x forward, y left, z up.
-        locations: (n, 3) points that move as the bodies do: on the ground, of people half-way up.
+        locations: (n, 3) points moving with the body: on the ground, of people half-way up.
         sizes: (n, 3) full length, width and height in metres.
         speeds_m_s: (n,).
         distances_m: (n,) from the agent's origin.
         bearings_rad: (n,) direction from the agent; 0 ahead, positive to the left.
-        lidar_hits: (n,) beams of the noise-free LiDAR that hit it; -1 if unknown.
-        lidar_points: (n,) points that it returned in this weather.
-        visible_fraction: (n,) largest fraction of it that one of the agent's cameras shows, 0 to 1.
+        lidar_hits: (n,) beams of the noise-free LiDAR hitting it; -1 if unknown.
+        lidar_points: (n,) points returned by it in this weather.
+        visible_fraction: (n,) largest fraction of it shown by one of the agent's cameras, 0 to 1.
         is_parked: (n,) whether it is a parked car.
         towed_by: (n,) int64, of a semi-trailer the id of its tractor unit; 0 of all others.
     """
@@ -56,7 +56,7 @@ class Boxes:
         return len(self.ids)
 
     def steady(self, sizes: Mapping[int, Sequence[float]]) -> Boxes:
-        """Return the boxes with those of some objects steady: they hold all poses of a gait.
+        """Return the boxes, some of them steady: these hold all poses of a gait.
 
         Args:
             sizes: Full length, width and height in metres by id.
@@ -99,7 +99,7 @@ def parse_boxes(objects: dict[Any, dict[str, Any]]) -> Boxes:
 
 def to_m_s(speed_km_h: _Speed) -> _Speed:
     """Convert speeds of a frame's YAML, km/h."""
-    # Imported here: the models that come with it take longer to build than opening a dataset.
+    # Imported here: its models take longer to build than opening a dataset.
     from advercity_dsl.units import M_S_PER_KM_H
 
     return speed_km_h * M_S_PER_KM_H

@@ -48,7 +48,7 @@ MORE_IMAGES: dict[str, Mapping[str, tuple[str, ...]]] = {
     },
     ADVER_CITY.name: {},
 }
-"""Kinds of images by what the rig of a camera asks for, by layout."""
+"""Kinds of images by option of a camera in a rig (truth, `hdr`, `raw`), by layout."""
 
 
 def encode_semantic(semantic: Uint8Array) -> bytes:
@@ -168,7 +168,7 @@ def _label(item: SensorFrame, actor: int) -> dict[str, Any]:
 
 
 def _annotate(item: SensorFrame) -> dict[str, Any]:
-    """Say what the values of linear and raw images mean, by the cameras that write them."""
+    """Describe the meaning of linear and raw values, by camera with such images."""
     readouts = {
         f"camera{number}": asdict(image.readout)
         for number, image in enumerate(item.camera_images)

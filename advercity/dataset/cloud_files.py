@@ -1,8 +1,8 @@
 """Point clouds as files: PCD with the full point table, and PLY as text.
 
 PCD: readers of OPV2V take `x y z` as 4-byte floats and the intensity from the red channel of
-`rgb`, eight bits of it. They skip the fields behind `rgb`, which hold the full precision and all
-else that is known of a point. `x y z` and `raw_x raw_y raw_z` are left-handed. Clouds of others
+`rgb`, eight bits of it. They skip the fields behind `rgb`, which hold the full precision and
+all other facts of a point. `x y z` and `raw_x raw_y raw_z` are left-handed. Clouds of others
 may have other fields, and be text.
 
 PLY: as the original wrote it with Open3D. Coordinates are doubles, the intensity is the red colour
@@ -145,10 +145,10 @@ def _parse_binary(body: bytes, count: int, kind: np.dtype[np.void]) -> NDArray[n
 
 
 def _parse_text(body: bytes, count: int, kind: np.dtype[np.void]) -> NDArray[np.void]:
-    """Parse points that are lines of numbers; ValueError if they are not `count` of them."""
+    """Parse lines of numbers as points; ValueError if there are not `count` of them."""
     widths = {name: math.prod(kind[name].shape) for name in kind.names or ()}
     wanted = count * sum(widths.values())
-    # A number takes a digit and what parts it from the next.
+    # A number takes at least a digit and a separator.
     values = body.split() if 2 * wanted <= len(body) + 1 else []
     if len(values) != wanted:
         raise ValueError(
@@ -158,7 +158,7 @@ def _parse_text(body: bytes, count: int, kind: np.dtype[np.void]) -> NDArray[np.
     table, start = np.empty(count, kind), 0
     for name, width in widths.items():
         columns = numbers[:, start : start + width].reshape(count, *kind[name].shape)
-        # PCL writes the bits of a colour as a whole number, whatever its type.
+        # PCL writes the bits of a colour as an integer, whatever the field's type.
         is_colour = name in COLOUR_FIELDS and kind[name] == np.float32
         table[name] = _to_colour_bits(columns).view(np.float32) if is_colour else columns
         start += width
@@ -202,7 +202,7 @@ def read_pcd(path: Path, point: np.dtype[np.void] = PCD_POINT) -> NDArray[np.voi
 
     Args:
         path: The file.
-        point: Fields that it must have.
+        point: Required fields.
 
     Raises:
         InputError: The file cannot be read, is no PCD, or has not all of the fields.
@@ -224,8 +224,8 @@ def read_pcd(path: Path, point: np.dtype[np.void] = PCD_POINT) -> NDArray[np.voi
 def read_foreign_pcd(path: Path) -> NDArray[np.void]:
     """Read a PCD of others as a table (n,), in the frame of the file.
 
-    Its fields are those of the file, and `intensity` from 0 to 1, which OPV2V has in the red
-    channel of `rgb`; without either it has none.
+    Its fields are the fields of the file and `intensity` from 0 to 1, which OPV2V stores in
+    the red channel of `rgb`; without either it has none.
 
     Raises:
         InputError: The file cannot be read, is no PCD, or lacks `x`, `y` or `z` of 4-byte floats.
@@ -275,7 +275,7 @@ def _parse_pcd_header(header: str) -> tuple[int, np.dtype[np.void]]:
 
 
 def _check_fields(found: np.dtype[np.void], wanted: np.dtype[np.void]) -> None:
-    """Check that a table has fields of these types; ValueError if not."""
+    """Check the types of a table's fields; ValueError if one differs or is missing."""
     types = {name: found[name] for name in found.names or ()}
     for name in wanted.names or ():
         if types.get(name) != wanted[name]:

@@ -1,4 +1,4 @@
-"""Descriptions of frames by other programs, completed to what advercity writes.
+"""Completes descriptions of frames by other programs to advercity's form.
 
 OPV2V and V2XSet say less of an object than advercity does. V2V4Real has poses as right-handed
 matrices, and objects in the frame of the agent's LiDAR (its devkit, ucla-mobility/V2V4Real).
@@ -26,10 +26,10 @@ from advercity.geometry.poses import Matrix
 
 UNKNOWN_COUNT = -1
 OBJECT_GROUPS = {"vehicles": UNCLASSIFIED, "walkers": "walker"}
-"""Keys of a frame with objects, and the class of those that have none of their own."""
+"""Keys of a frame with objects, and the class of objects without one of their own."""
 POSES = ("lidar_pose", "true_ego_pos", "predicted_ego_pos")
 IDS_OF_AN_AGENT = 100
-"""V2V4Real numbers objects that no other agent sees from 100 times the agent's number."""
+"""V2V4Real numbers objects seen by one agent only from 100 times the agent's number."""
 
 
 def has_matrices(description: Mapping[str, Any]) -> bool:
@@ -38,7 +38,7 @@ def has_matrices(description: Mapping[str, Any]) -> bool:
 
 
 def complete_description(found: Mapping[str, Any], *, number: int) -> dict[str, Any]:
-    """Complete the description of a frame: left-handed, with every field that views read.
+    """Complete the description of a frame: left-handed, with every field read by views.
 
     Unknown numbers become NaN, unknown counts `UNKNOWN_COUNT`.
 

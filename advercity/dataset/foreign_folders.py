@@ -43,7 +43,7 @@ NOT_HELD = (
     "conflicts",
     "V2X messages",
 )
-"""What folders without a manifest do not say."""
+"""Facts missing in folders without a manifest."""
 
 
 def open_foreign_scenarios(path: Path, layout: str) -> tuple[ForeignScenario, ...]:
@@ -151,12 +151,12 @@ class ForeignScenario(Scenario):
 
     @property
     def labels(self) -> Mapping[str, str]:
-        """Nothing: the folder does not say what distinguishes scenarios."""
+        """Empty: the folder does not say how scenarios differ."""
         return {}
 
     @cached_property
     def left_out(self) -> tuple[LeftOut, ...]:
-        """Keys of the first frame that are not read, and frames that not all agents have."""
+        """Keys of the first frame without a reader, and frames missing at some agents."""
         ledger = Ledger()
         for view in self.open_views(0) if self._names else ():
             view.audit(ledger)

@@ -1,4 +1,4 @@
-"""One agent's files of a frame that another program has written."""
+"""One agent's files of a frame written by another program."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from advercity.sensors.camera_model import CameraModel
 
 
 class ForeignView(AgentView):
-    """What one agent of a folder of others recorded in one frame.
+    """The data of one agent of a folder of others in one frame.
 
-    Properties are those of `AgentView`, as far as there are files for them. Numbers that the folder
-    does not hold are NaN. `description` is completed to the fields that advercity writes.
+    Properties are as in `AgentView`, as far as there are files for them. Numbers missing in the
+    folder are NaN. `description` is completed to advercity's fields.
 
     Args:
         number: Number of the agent.
-        index: Number of the frame among those of the scenario.
+        index: Number of the frame in the scenario.
         layout: Layout of the files.
         stem: Beginning of the paths of all its files.
         is_ego: Whether the agent is the ego.
@@ -69,7 +69,7 @@ class ForeignView(AgentView):
         return self._number < 0
 
     def count(self, kind: str) -> int:
-        """Count the sensors of a kind, such as `radar`, that the frame describes."""
+        """Count the sensors of a kind, such as `radar`, described by the frame."""
         return count_sensors(self.description, kind)
 
     def has_truth(self, kind: str, camera: int) -> bool:

@@ -1,6 +1,6 @@
-"""The layouts that a dataset may have: names of folders and files, and how clouds are read.
+"""The layouts of a dataset: names of folders and files, and how clouds are read.
 
-The encoders are in `opv2v`, so that reading a dataset loads nothing of what makes one.
+The encoders are in `opv2v`, so reading a dataset loads no code for making one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class DatasetFormat:
         cloud_suffix: End of the names of the first LiDAR's point clouds.
         read_cloud: Reads one as a table with `x`, `y`, `z` and `intensity`, left-handed.
         motion_suffix: End of the names of documents of receivers, inertial units and buses.
-        extra_suffixes: Ends of the names of what the original does not have.
+        extra_suffixes: Ends of the names of files unknown to the original.
     """
 
     name: str
@@ -54,7 +54,7 @@ class DatasetFormat:
 
     @property
     def messages_suffix(self) -> str:
-        """End of the names of files with the messages that an agent sends."""
+        """End of the names of files with an agent's messages."""
         return "_messages.json"
 
     @staticmethod
@@ -78,7 +78,7 @@ def format_opv2v_folder(agent: Agent) -> str:
     """Return the folder of an agent's files: its number, the ego's with a plus.
 
     Loaders sort the folders as text and take the first as the ego, after moving one negative
-    number to the end; with two roadside units that would be the second of them. `+` sorts
+    number to the end; with two roadside units they would take the second of these. `+` sorts
     before `-`, and `int("+101")` is 101, so the ego stays the ego.
     """
     return f"{agent.number:+d}" if agent.is_ego else str(agent.number)
@@ -109,7 +109,7 @@ FORMATS = {item.name: item for item in (OPV2V, ADVER_CITY)}
 
 
 def find_format(name: str) -> DatasetFormat:
-    """Return the format of that name; InputError if there is none."""
+    """Return the format of a name; InputError if there is none."""
     if name not in FORMATS:
         raise InputError(f"--format {name}: no such format; {' or '.join(FORMATS)}")
     return FORMATS[name]
@@ -121,7 +121,7 @@ def format_frame_name(spec: Spec, index: int) -> str:
 
 
 class FrameFileNames:
-    """The names of all files that a run writes for the frames of a scenario, and no others.
+    """The names of all files written by runs for the frames of a scenario, and no others.
 
     Args:
         spec: The spec.
@@ -145,7 +145,7 @@ class FrameFileNames:
         return tuple(self._suffixes)
 
     def find_frame(self, path: str) -> int | None:
-        """Return the frame of a path within the scenario; None if no run writes that path."""
+        """Return the frame of a path within the scenario; None if no run writes this path."""
         folder, _, name = path.partition("/")
         match = re.fullmatch(r"([0-9]{6,})([._].*)", name)
         if match is None or match[2] not in self._suffixes.get(folder, ()):

@@ -3,8 +3,8 @@
 Documents hold plain types and rounded numbers. They are left-handed (see `carla_frame`), in metres,
 degrees and km/h; boxes in images are in pixels from the upper left corner.
 
-Loaders of OPV2V parse `<frame>.yaml` in pure Python several times over, so it stays short: it has
-the fields that they read, and what objects are filtered by. All else that is known of an object is
+Loaders of OPV2V parse `<frame>.yaml` in pure Python several times over, so it stays short: it
+has the fields they read, and the fields for filtering objects. All other facts of an object are
 in `<frame>_objects.json`, which none of them opens.
 """
 
@@ -32,13 +32,13 @@ from advercity.sensors.annotation import Annotation
 from advercity.sensors.sensor_frame import SensorFrame
 
 DESCRIPTION_ORDER = ("lidar", "radar", "camera", "thermal")
-"""Order of sensors in `<frame>.yaml`; those that it does not name come after."""
+"""Order of sensors in `<frame>.yaml`; all others come after."""
 
 
 def build_frame_description(
     sensor_frame: SensorFrame, annotations: Sequence[Annotation]
 ) -> dict[str, Any]:
-    """Build the document `<frame>.yaml` of an agent and what it annotates."""
+    """Build the document `<frame>.yaml` of an agent and its annotations."""
     agent_pose = carla_pose_from_matrix(sensor_frame.world_from_agent)
     estimated_pose = carla_pose_from_matrix(sensor_frame.estimated_world_from_agent)
     pedestrians = [item for item in annotations if _is_pedestrian(item)]
@@ -69,7 +69,7 @@ def _merge(entries: Iterable[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _describe_weather(weather: Weather | None) -> dict[str, Any]:
-    """Describe the weather of the frame, if it is not that of the manifest for all frames."""
+    """Describe the weather of the frame if it differs from the manifest's."""
     if weather is None:
         return {}
     truth = WeatherTruth.from_weather(weather).model_dump(exclude={"id"})
@@ -132,14 +132,14 @@ def _format_paint_colour(material: str) -> str:
 def build_object_extras(
     sensor_frame: SensorFrame, annotations: Sequence[Annotation]
 ) -> dict[str, Any]:
-    """Build the document `<frame>_objects.json`: what an agent annotates, by id as in its YAML.
+    """Build the document `<frame>_objects.json`: an agent's annotations, by id as in its YAML.
 
-    `lidar_points` counts the points returned in this weather, `lidar_ghosts` those of its mirror
-    images, `lidar_hits` the beams that would hit in none. `towed_by` of a semi-trailer is its
-    tractor unit. `size_m` of a pedestrian is that of the box around all poses of its gait. `roles`
-    are the object's roles in staged conflicts, by conflict id. `lamps` are the names of `Lamp` that
-    are lit. `cameras` has the cameras whose image the object's outline overlaps. `readouts` is what
-    the values of linear and raw images mean, by cameras that write them.
+    `lidar_points` counts the points returned in this weather, `lidar_ghosts` the points of its
+    mirror images, `lidar_hits` the beams hitting it in clear air. `towed_by` of a semi-trailer is
+    its tractor unit. `size_m` of a pedestrian is the size of the box around all poses of its gait.
+    `roles` are the object's roles in staged conflicts, by conflict id. `lamps` are the names of
+    lit lamps in `Lamp`. `cameras` has the cameras with the object's outline in their image.
+    `readouts` explains the values of linear and raw images, by camera.
     """
     return {
         "frame": sensor_frame.frame.index,
@@ -171,7 +171,7 @@ def _describe_object_extras(item: Annotation, sensor_frame: SensorFrame) -> dict
 
 
 def build_motion_document(sensor_frame: SensorFrame) -> dict[str, Any]:
-    """Build the document of receiver, inertial unit and bus, with those that reported."""
+    """Build the document of the receiver, inertial unit and bus with a report."""
     return _merge(
         files.report(sensor_frame, number) for files, number in iterate_readings(sensor_frame)
     )

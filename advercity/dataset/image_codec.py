@@ -27,7 +27,7 @@ GREY, RGB = 0, 2
 SUB_FILTER = 1
 """PNG's number for differences to the left neighbour."""
 DEFLATE_MEMORY_LEVEL = 9
-"""The most memory that zlib takes: larger blocks, and so fewer code tables."""
+"""zlib's maximum of memory: larger blocks, and so fewer code tables."""
 
 
 def encode_jpeg(image: NDArray[np.uint8]) -> bytes:

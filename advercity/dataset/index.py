@@ -33,12 +33,12 @@ INDEX_FILE = "index.json"
 
 
 class IndexEntry(Model):
-    """A scenario of a dataset, as it was when a run of it ended.
+    """A scenario of a dataset at the end of its latest run.
 
     Attributes:
         spec_sha256: Checksum of the spec.
         state: `waiting` has no result yet, `partial` lacks frames, `failed` does so after an error;
-            a run that is refused leaves a scenario `whole` or `partial`.
+        a refused run leaves a scenario `whole` or `partial`.
         frames: Number of written frames.
         length: Number of frames of the whole scenario.
         files: Number of files.
@@ -60,7 +60,7 @@ class IndexEntry(Model):
     ) -> "IndexEntry":
         """Build the entry of a scenario with the manifest `text`, or of one without a manifest.
 
-        A run that failed was `refused` if it ended before it began to make frames.
+        A failed run was `refused` if it ended before it began to make frames.
         """
         if text is None:
             state = "failed" if failed else "waiting"
@@ -88,9 +88,9 @@ class DatasetIndex(Model):
     scenarios: dict[Id, IndexEntry]
 
     def list_with_manifest(self, has_files: Callable[[str], bool]) -> list[str]:
-        """List the names of the scenarios that should have a manifest.
+        """List the names of the scenarios with an expected manifest.
 
-        Those had one when their last run ended, or failed before that and have files.
+        They had one when their last run ended, or failed before it was written and have files.
         """
         return sorted(
             name
@@ -112,7 +112,7 @@ class DatasetIndex(Model):
         )
 
     def with_waiting(self, specs: Iterable[Spec]) -> "DatasetIndex":
-        """Return a copy in which those of these scenarios that it lacks are waiting."""
+        """Return a copy with the missing ones of these scenarios added as waiting."""
         return self.with_entries(
             {
                 spec.id: IndexEntry.from_manifest_text(spec, None)
@@ -185,10 +185,10 @@ class IndexWriter:
             self._update({})
 
     def record_start(self, name: str, *, missing_frames: int) -> None:
-        """Record that a run makes frames of a scenario, which has no result until the run ends.
+        """Record the start of making frames; the scenario has no result until the run ends.
 
-        A scenario that lacks none and has its recorded manifest keeps its entry: nothing changes.
-        Without an index there is no entry that could be wrong.
+        A complete scenario with its recorded manifest keeps its entry: nothing changes.
+        Without an index there is no entry to correct.
 
         Raises:
             RunError: The disk is full or not writable.
@@ -203,7 +203,7 @@ class IndexWriter:
     def record_result(self, name: str, *, failed: bool, refused: bool = False) -> None:
         """Record the end of a scenario; RunError if the disk is full or not writable.
 
-        A run that failed was `refused` if it ended before it began to make frames.
+        A failed run was `refused` if it ended before it began to make frames.
         """
         if self._dataset.is_dir():
             text, spec = self._read_manifest(name), self._specs[name]

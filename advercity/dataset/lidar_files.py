@@ -53,7 +53,7 @@ def _read(view: AgentView, number: int) -> LidarScan:
 
 
 def _read_point_cloud(view: AgentView, number: int) -> PointCloud:
-    """Read a point cloud; columns that the layout does not have are zero."""
+    """Read a point cloud; columns missing in the layout are zero."""
     table = view.load_cloud(number)
     points = np.column_stack([table["x"], table["y"], table["z"]])
     kept = table.dtype.names or ()

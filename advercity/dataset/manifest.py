@@ -1,4 +1,4 @@
-"""The manifest of a scenario: what its data are made from, and every file with its checksum."""
+"""The manifest of a scenario: the inputs of its data, and every file with its checksum."""
 
 import hashlib
 from collections.abc import Mapping
@@ -46,7 +46,7 @@ VERSIONED_PACKAGES = (
     "opencv-python-headless",
     "zlib-ng",
 )
-"""Distributions that may change the bytes with their version."""
+"""Distributions whose version may change the bytes."""
 
 
 def compute_spec_digest(spec: Spec) -> str:
@@ -55,7 +55,7 @@ def compute_spec_digest(spec: Spec) -> str:
 
 
 def find_vector_instructions() -> str:
-    """Find the vector instructions that numpy uses on this processor, such as `X86_V3`.
+    """Find numpy's vector instructions on this processor, such as `X86_V3`.
 
     The last bits of its exponentials, logarithms and sines depend on them.
     """
@@ -64,7 +64,7 @@ def find_vector_instructions() -> str:
 
 
 class Identity(Model):
-    """Everything that decides the bytes of a scenario's data.
+    """All inputs of the bytes of a scenario's data.
 
     Attributes:
         spec: Id of the spec.
@@ -72,13 +72,13 @@ class Identity(Model):
         trace_sha256: Checksum of the simulated traffic.
         world_sha256: Checksum of the static scene, the bodies and the images of their models.
         renderer: Backend and its sources, profile, image scale, device.
-        bodies: SHA-256 of the 3-D model of each blueprint that has one.
+        bodies: SHA-256 of the 3-D model of each blueprint with one.
         missing_models: Blueprints with generated bodies in place of the spec's models, and packs
             with generated surfaces in place of theirs.
         edited: Whether the spec was edited after it was compiled.
-        missed_conflicts: Staged conflicts that did not happen as declared, and why.
+        missed_conflicts: Staged conflicts not realised as declared, and why.
         format: Layout of the files.
-        min_points: LiDAR points that an actor must return to an agent to be annotated by it.
+        min_points: LiDAR points an actor must return to an agent to be annotated by it.
         clouds: Encoding of point clouds.
         vector_instructions: Of the processor, as `find_vector_instructions` names them.
         rounding_sha256: Checksum of how NumPy, OpenBLAS and glibc round here; empty in older ones.
@@ -125,7 +125,7 @@ class Identity(Model):
         min_points: int = 0,
         clouds: CloudEncoding = "binary_compressed",
     ) -> "Identity":
-        """Identify the data that this installation makes from `spec`."""
+        """Identify the data this installation makes from `spec`."""
         models = {
             name: digest
             for kind, name, digest in (
@@ -154,7 +154,7 @@ class Identity(Model):
         )
 
     def list_differences(self, other: "Identity") -> list[str]:
-        """List what differs in `other`, as `name: value here, value there`, values shortened."""
+        """List the differences to `other`, as `name: value here, value there`, shortened."""
         mine, others = self._flatten(), other._flatten()
         return [
             f"{key}: {mine.get(key)!s:.20}, {others.get(key)!s:.20}"
@@ -163,10 +163,10 @@ class Identity(Model):
         ]
 
     def check_same(self, other: "Identity", where: Path | str, *, remedy: str) -> None:
-        """Check that a scenario of this identity can take data of another one.
+        """Check whether a scenario of this identity can take data of another one.
 
         Raises:
-            RunError: They differ; the text lists the differences and what to do about them.
+            RunError: They differ; the text lists the differences and a remedy.
         """
         differences = self.list_differences(other)
         if differences:
@@ -189,7 +189,7 @@ class Manifest(Model):
 
     Attributes:
         manifest_version: Version of these fields.
-        identity: What decides the bytes.
+        identity: The inputs of the bytes.
         weather: The weather of frame 0 in physical quantities.
         spec: The spec of the scenario; any other file can be made from it again.
         length: Number of frames of the whole scenario.
@@ -220,13 +220,13 @@ class Manifest(Model):
             length=length,
             complete=len(frames) == length,
             frames=tuple(frames),
-            # Sorted, so that the order in which processes finish frames does not show.
+            # Sorted: the order in which processes finish frames must not show.
             files={path: files[path] for path in sorted(files)},
         )
 
     @model_validator(mode="after")
     def _check_frames(self) -> Self:
-        """Refuse frames that the scenario does not have."""
+        """Refuse frames beyond the end of the scenario."""
         for path, record in self.files.items():
             if record.frame is not None and record.frame >= self.length:
                 raise ValueError(f"{path} is of frame {record.frame} of {self.length}")
@@ -248,14 +248,14 @@ class Manifest(Model):
 
     @staticmethod
     def load(scenario: Path, *, moved: bool = True) -> "Manifest":
-        """Load the manifest of a scenario, with the journals of a run that was cut short.
+        """Load the manifest of a scenario, with the journals of an interrupted run.
 
         Args:
             scenario: Folder of the scenario.
-            moved: Only with files that are in place; else also those that may not yet be.
+            moved: Only files already in place; else also files possibly still to be moved.
 
         Raises:
-            InputError: The folder does not exist, has no manifest, or one that is no JSON.
+            InputError: The folder does not exist, or its manifest is missing or no JSON.
             RunError: The manifest cannot be read, or is of another version.
         """
         check_is_readable(scenario)
@@ -312,7 +312,7 @@ def _list_sensor_packages(spec: Spec) -> set[str]:
 
 
 def _format_first_error(error: ValidationError) -> str:
-    """Describe the first field that is wrong, by its path."""
+    """Describe the first wrong field, by its path."""
     first = error.errors(include_url=False, include_input=False)[0]
     where = ".".join(map(str, first["loc"]))
     return f"{where}: {first['msg']}" if where else first["msg"]

@@ -1,4 +1,4 @@
-"""The JSON document of the V2X messages that an agent sends in a frame.
+"""The JSON document of the V2X messages sent by an agent in a frame.
 
 `<frame>_messages.json` is left-handed, in metres, m/s and degrees. `deliveries`, `clock_offset_s`
 and the `id` of an object are truth: no receiver has them. `received_messages` reads it.
@@ -95,7 +95,7 @@ def _describe_objects(objects: PerceivedObjects) -> dict[str, Any]:
 
 
 def _describe_delivery(delivery: Delivery) -> dict[str, Any]:
-    """Describe what became of a message; fields that do not apply are left out."""
+    """Describe the fate of a message; fields without a value are left out."""
     described: dict[str, Any] = {}
     if delivery.delay_s is not None:
         described["delay_s"] = to_plain(delivery.delay_s)

@@ -1,4 +1,4 @@
-"""The fact tables of V2X messages: what became of each, and how old the newest is."""
+"""The fact tables of V2X messages: the fate of each, and the age of the newest."""
 
 import math
 from typing import Any
@@ -24,17 +24,17 @@ MESSAGE_FACT = np.dtype(
         ("heading_error_rad", "<f8"),
     ]
 )
-"""A message at one receiver: its kind, the distance of the two agents, what is between them (empty
-without a radio), why it was lost (empty if it arrives), its delay (NaN if it was lost), and the
-errors of the pose that it has, horizontally and of the heading."""
+"""A message at one receiver: its kind, the distance of the two agents, the obstacles between them
+(empty without a radio), why it was lost (empty if it arrives), its delay (NaN if it was lost), and
+the errors of its pose, horizontally and of the heading."""
 AGE_FACT = np.dtype([("frame", "<i4"), ("kind", "<U4"), ("age_s", "<f8")])
-"""The newest message of a kind and a sender that the ego has in a frame."""
+"""The ego's newest message of a kind and a sender in a frame."""
 
 NO_MESSAGES, NO_AGES = np.empty(0, MESSAGE_FACT), np.empty(0, AGE_FACT)
 
 
 def collect_message_facts(frame: FrameView) -> NDArray[np.void]:
-    """Collect what is sent (n,) of `MESSAGE_FACT` in a frame, if there is a channel."""
+    """Collect the messages sent in a frame, (n,) of `MESSAGE_FACT`, if there is a channel."""
     if frame.scenario.channel is None:
         return NO_MESSAGES
     truth = {name: view.world_from_agent for name, view in frame.views.items()}
@@ -51,7 +51,7 @@ def collect_message_facts(frame: FrameView) -> NDArray[np.void]:
 
 
 def collect_age_facts(frame: FrameView) -> NDArray[np.void]:
-    """Collect what the ego has (n,) of `AGE_FACT` in a frame, if there is a channel."""
+    """Collect the ego's messages in a frame, (n,) of `AGE_FACT`, if there is a channel."""
     if frame.scenario.channel is None:
         return NO_AGES
     own = frame.messages(frame.scenario.ego)

@@ -74,7 +74,7 @@ def parse_can(signals: dict[str, Any]) -> CanSample:
 
 
 def _describe_gnss(fix: GnssFix) -> dict[str, Any]:
-    """Describe a fix; `earlier` has those since the last frame, of a faster receiver."""
+    """Describe a fix; a fast receiver's fixes since the last frame are in `earlier`."""
     earlier = [_describe_gnss(one) for one in fix.earlier]
     return {
         **({"earlier": earlier} if earlier else {}),
@@ -100,7 +100,7 @@ def _describe_quality(quality: SolutionQuality) -> dict[str, Any]:
 
 
 def _describe_imu(sample: ImuSample) -> dict[str, Any]:
-    """Describe a sample; `earlier` has those since the last frame, of a unit with a higher rate."""
+    """Describe a sample; a fast unit's samples since the last frame are in `earlier`."""
     earlier = [_describe_imu(one) for one in sample.earlier]
     acceleration = to_plain(mirror_points(sample.specific_force))
     rate = to_plain(mirror_angular_rate(sample.angular_rate))

@@ -1,9 +1,9 @@
 """The files of a frame in both layouts, as bytes by their paths.
 
-OPV2V: files that OpenCOOD, HEAL, CoAlign and CoBEVT load as they are, and extras where none of
-those loaders looks: semantic images, more of every object, GNSS and IMU.
+OPV2V: files in the form expected by OpenCOOD, HEAL, CoAlign and CoBEVT, and extras which these
+loaders ignore: semantic images, more of every object, GNSS and IMU.
 
-Adver-City: the names and files of the original, for tools that were written for them. Loaders of
+Adver-City: the names and files of the original, for the original's tools. Loaders of
 OPV2V do not read it: they miss the `.pcd`, take `_gnss_imu.yaml` for a frame and the second
 roadside unit for the ego.
 """
@@ -105,7 +105,7 @@ def select_encoder(layout: str, clouds: CloudEncoding) -> FrameEncoder:
 def _list_sensor_jobs(
     stem: str, item: SensorFrame, options: FileOptions
 ) -> dict[str, Callable[[], bytes]]:
-    """List what makes the files of all sensors of an agent, and of the messages that it sends."""
+    """List encoders of the files of all sensors of an agent, and of its messages."""
     layout = options.layout
     listed = layout.list_suffixes(item.agent)
     jobs = {

@@ -45,9 +45,9 @@ CONTACT_LIDAR_HALF_EXTENT_M = 60.0
 _OTHER_COLOUR = (200, 200, 200)
 _BACKGROUND = 16
 _MAX_LINE_END_PX = 20_000
-"""OpenCV draws nothing, or in the wrong place, to ends that are much farther off."""
+"""OpenCV draws nothing, or in the wrong place, to ends much farther off."""
 _LINE_POINTS = 17
-"""Points of a line that a lens bends."""
+"""Points of a line bent by a lens."""
 
 
 def draw_mosaic(frame: FrameView) -> Uint8Array:
@@ -66,7 +66,7 @@ def draw_semantic_mosaic(frame: FrameView) -> Uint8Array:
 
 
 def find_front_camera(view: AgentView) -> int:
-    """Return the index of the camera that looks ahead, or nearest to it."""
+    """Return the index of the camera looking ahead, or nearest to it."""
     return min(range(view.cameras), key=lambda camera: abs(_compute_camera_yaw_deg(view, camera)))
 
 
@@ -130,7 +130,7 @@ def _iter_boxes(boxes: Boxes) -> Iterator[tuple[Float64Array, tuple[int, int, in
     """Iterate over the corners (8, 3) of every box in the world, and its colour."""
     rows = zip(boxes.world_from_box, boxes.sizes, boxes.classes.tolist(), strict=True)
     for pose, size, actor_class in rows:
-        # The origin of a box's pose is its middle, that of its corners the middle of its base.
+        # The origin of a box's pose is its middle; `Box` has its origin in the middle of its base.
         corners = Box(size, (0.0, 0.0, 0.0)).corners
         colour = ACTOR_COLOURS.get(actor_class, _OTHER_COLOUR)
         yield poses.transform_points(pose, corners), colour
@@ -140,7 +140,7 @@ def _project_edges(view: AgentView, camera: int, corners: Float64Array) -> Itera
     """Project the edges of a box to lines (k, 2) of pixels, cut off at a camera's near plane."""
     points = poses.transform_points(poses.invert_pose(view.world_from_camera(camera)), corners)
     model = view.camera_model(camera)
-    # A lens bends what is straight.
+    # A lens bends straight edges.
     steps = np.linspace(0.0, 1.0, 2 if model.distortion is None else _LINE_POINTS)[:, None]
     for first, second in BOX_EDGES:
         start, end = points[first], points[second]
@@ -169,7 +169,7 @@ def _find_largest_shape(images: Sequence[Uint8Array]) -> tuple[int, int]:
 
 
 def _fit_image(image: Uint8Array, shape: tuple[int, int]) -> Uint8Array:
-    """Scale an image into the middle of an empty one of that height and width."""
+    """Scale an image into the middle of an empty one of a given height and width."""
     scale = min(shape[0] / image.shape[0], shape[1] / image.shape[1])
     height, width = (max(1, round(scale * side)) for side in image.shape[:2])
     top, left = (shape[0] - height) // 2, (shape[1] - width) // 2
@@ -306,7 +306,7 @@ def write_videos(dataset: Path, output: Path, kinds: Sequence[str] = VIDEO_KINDS
         drawings = dict(_select_drawings(scenario, kinds))
         paths = {name: output / f"{scenario_name}_{name}.mp4" for name in drawings}
         tick_s = scenario.spec.timing.tick_s
-        # All videos of a scenario at once, so that files of a frame come from the page cache.
+        # All videos of a scenario at once, so files of a frame come from the page cache.
         with ExitStack() as stack:
             videos = {
                 name: stack.enter_context(VideoWriter(path, tick_s)) for name, path in paths.items()

@@ -1,8 +1,8 @@
 """Safe writing: unfinished files in a staging folder, journals of frames, one writer at a time.
 
 A frame's files are written to `OUTPUT/.staging/<spec id>` and renamed into the scenario when all of
-them are complete. Each process that writes frames appends to a journal of its own, so a scenario
-whose run was killed is described by its manifest and its journals.
+them are complete. Each process appends to a journal of its own, so manifest and journals describe
+a scenario after its run was killed.
 """
 
 import errno
@@ -36,15 +36,15 @@ _logger = logging.getLogger(__name__)
 PARTIAL_SUFFIX = ".advercity-partial"
 """End of the names of unfinished files, which no file of others has."""
 KEPT_SUFFIX = ".kept"
-"""End of the names that files of others are given where a run writes one of its own."""
+"""End of the new names of foreign files in the way of a run's own."""
 _ERRORS_OF_FULL_DISKS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 NO_FILE_ERRORS = (FileNotFoundError, IsADirectoryError, NotADirectoryError)
 MAX_LISTED_FILES = 3
-"""Files that a message names."""
+"""Most files named by a message."""
 LOCK_TIMEOUT_S = 5.0
-"""How long a run that was killed may take to release its lock."""
+"""How long a killed run may take to release its lock."""
 KILLED_WORKERS_S = 1.0
-"""How long the workers of a run that was killed may take to end."""
+"""How long the workers of a killed run may take to end."""
 
 
 class FileRecord(Model):
@@ -53,7 +53,7 @@ class FileRecord(Model):
     Attributes:
         size: Size in bytes.
         sha256: Checksum of the content.
-        frame: Number of the frame; None for files that belong to the whole scenario.
+        frame: Number of the frame; None for files of the whole scenario.
     """
 
     size: int
@@ -73,7 +73,7 @@ class FileRecord(Model):
         return stat.S_ISREG(found.st_mode) and found.st_size == self.size
 
     def has_content(self, content: bytes) -> bool:
-        """Return whether this is the content that was recorded."""
+        """Return whether this is the recorded content."""
         return hashlib.sha256(content).hexdigest() == self.sha256
 
     def matches(self, path: Path) -> bool:
@@ -95,13 +95,13 @@ FilePath = Annotated[str, AfterValidator(_check_path)]
 _Records = dict[FilePath, FileRecord]
 _RECORDS = TypeAdapter(_Records)
 _UNMOVED_RECORDS = TypeAdapter(tuple[_Records])
-"""A list of one: records in brackets are of files that may not be in place yet."""
+"""A list of one: brackets mark records of files possibly not yet in place."""
 
 
 def append_to_journal(
     scenario: Path, process: int, records: Mapping[str, FileRecord], *, moved: bool
 ) -> Path:
-    """Append to the journal of a process that files are to be moved into place, or have been.
+    """Append to the journal of a process: files are to be moved into place, or have been.
 
     Returns the journal.
     """
@@ -120,7 +120,7 @@ def read_journals(scenario: Path, *, moved: bool = True) -> dict[str, FileRecord
 
     Args:
         scenario: Folder of the scenario.
-        moved: Only of files that are in place; else also of those that may not yet be.
+        moved: Only files already in place; else also files possibly still to be moved.
 
     Raises:
         RunError: A journal cannot be read.
@@ -155,7 +155,7 @@ def remove_journals(scenario: Path) -> None:
 
 
 def remove_unfinished_files(scenario: Path, paths: Sequence[str]) -> None:
-    """Delete what a run that was cut short left of frames, and say so."""
+    """Delete files of frames left by an interrupted run, and say so."""
     for path in paths:
         (scenario / path).unlink()
     if paths:
@@ -186,7 +186,7 @@ def _rename_to_keep(scenario: Path, path: str) -> str:
     while True:
         kept = f"{path}{KEPT_SUFFIX}{number or ''}"
         try:
-            # Reserves the name: renaming would replace a file that came after a mere look.
+            # Reserves the name: renaming would replace a file created after a mere look.
             (scenario / kept).touch(exist_ok=False)
         except FileExistsError:
             number += 1
@@ -225,7 +225,7 @@ def format_file_count(count: int) -> str:
 
 
 def find_partial_file(scenario: Path, path: str) -> Path:
-    """Find the place where a file is written that will be at `path` in the scenario."""
+    """Find the temporary path of a file with the final path `path` in the scenario."""
     return find_staging_folder(scenario) / "incoming" / f"{path}{PARTIAL_SUFFIX}"
 
 
@@ -245,12 +245,12 @@ def remove_partial_files(scenario: Path) -> None:
 
 
 def remove_idle_staging_folder(scenario: Path) -> None:
-    """Delete the staging folder of a scenario but for journals that are still needed.
+    """Delete the staging folder of a scenario, but keep journals still in use.
 
     Files of others stay in it, and a warning says so.
     """
     staging, journals = find_staging_folder(scenario), find_journals(scenario)
-    if journals:  # of a run that was killed
+    if journals:  # of a killed run
         remove_partial_files(scenario)
     else:
         remove_staging_folder(scenario)
@@ -289,7 +289,7 @@ def remove_staging_folder(scenario: Path) -> None:
 
 @contextmanager
 def report_disk_errors(path: Path) -> Generator[None]:
-    """Raise a RunError that names the file, or `path` if the system names none, for an OSError."""
+    """Raise a RunError for an OSError; it names its file, or `path` if it has none."""
     try:
         yield
     except OSError as error:
@@ -334,10 +334,10 @@ def is_locked(path: Path) -> bool:
     """Return whether a process holds the lock on a file; nothing is changed."""
     import fcntl
 
-    # What is no file was not made by a run, and holds no lock.
+    # Runs make regular files only; anything else holds no lock.
     with suppress(*NO_FILE_ERRORS), open(path, "rb", opener=open_without_links) as stream:
         try:
-            # First the shared lock: a run that turns its lock into one meets no exclusive one.
+            # First the shared lock: a run converting its lock to shared meets no exclusive one.
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -351,7 +351,7 @@ def lock_file(path: Path, what: str = "this scenario", *, shared: bool = False) 
     A shared lock excludes exclusive ones only; `share_lock` turns an exclusive one into it.
 
     Raises:
-        RunError: Another process holds the lock, and does so for longer than a killed one would.
+        RunError: Another process holds the lock, longer than a killed one would.
     """
     import fcntl  # POSIX only; reading a dataset, which imports this module, works without
 
@@ -361,7 +361,7 @@ def lock_file(path: Path, what: str = "this scenario", *, shared: bool = False) 
             path.parent.mkdir(parents=True, exist_ok=True)
             stream = open(path, "ab", opener=open_without_links)  # noqa: SIM115 - returned
         except (FileExistsError, FileNotFoundError):
-            # A process that ends may delete the folder between the two.
+            # An ending process may delete the folder between the two.
             if time.monotonic() > deadline_s:
                 raise
             continue
@@ -377,7 +377,7 @@ def lock_file(path: Path, what: str = "this scenario", *, shared: bool = False) 
                 " another `output`"
             ) from error
         # The previous owner may have deleted the file after it was opened here; then this lock
-        # is on a file that no other process can see.
+        # is on a file invisible to other processes.
         if path.exists() and os.path.samestat(os.fstat(stream.fileno()), path.stat()):
             return stream
         stream.close()
@@ -401,7 +401,7 @@ def lock_scenario(scenario: Path) -> Generator[None]:
 
 
 def share_lock(stream: IO[bytes]) -> None:
-    """Let other processes take a shared lock, which keep exclusive ones out like this one.
+    """Turn an exclusive lock into a shared one; it still keeps exclusive ones out.
 
     The kernel releases the lock and takes it again; OSError if another run came in between.
     """
@@ -411,7 +411,7 @@ def share_lock(stream: IO[bytes]) -> None:
 
 
 def replace_file(scenario: Path, path: str, content: bytes) -> None:
-    """Write a file of a scenario so that it is either the old or the new one at any moment."""
+    """Write a file of a scenario; at any moment it is either the old or the new one."""
     partial = find_partial_file(scenario, path)
     write_file(partial, content)
     sync_files([partial])

@@ -1,4 +1,4 @@
-"""YAML and JSON of documents that hold plain types and rounded numbers."""
+"""YAML and JSON of documents of plain types and rounded numbers."""
 
 import json
 import math
@@ -28,7 +28,7 @@ def to_plain(values: ArrayLike, *, decimals: int = 9) -> Any:
 
 
 def format_yaml(document: Mapping[Any, Any]) -> bytes:
-    """Format a document in the order of its keys; what holds only scalars is on one line.
+    """Format a document in the order of its keys; collections of scalars are on one line.
 
     PyYAML takes six times as long for a whole document; here it only quotes texts.
     """
@@ -46,7 +46,7 @@ def format_json(document: dict[str, Any]) -> bytes:
 
 
 def _append_lines(lines: list[str], value: Any, indent: str) -> None:
-    """Append the lines of a mapping or list that takes several."""
+    """Append the lines of a multi-line mapping or list."""
     if isinstance(value, Mapping):
         for key, item in value.items():
             if _is_one_line(item):

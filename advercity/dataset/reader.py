@@ -1,4 +1,4 @@
-"""Reads a dataset lazily: scenarios, their frames, and what each agent recorded in them.
+"""Reads a dataset lazily: scenarios, their frames, and the data of each agent in them.
 
 Objects here are paths and numbers, cheap to make and to pickle. A file is read when a property asks
 for it, and is not kept, except for the manifest.
@@ -47,7 +47,7 @@ class FrameView:
     Attributes:
         scenario: The scenario.
         index: Number of the frame, counted from the first kept one.
-        name: Name that its files begin with, six digits.
+        name: Beginning of its files' names, six digits.
         views: Views by agent id, in the order of the spec.
     """
 
@@ -63,14 +63,14 @@ class FrameView:
         return self.scenario.find_time_s(self.index)
 
     def messages(self, receiver: str, *, latest: bool = True) -> tuple[ReceivedMessage, ...]:
-        """Load the V2X messages that have arrived at an agent by this frame.
+        """Load the V2X messages received by an agent up to this frame.
 
-        Only written frames count: those that were sent before the first of them are missing.
+        Only written frames count: messages sent before the first of them are missing.
 
         Args:
             receiver: Id of the agent: `cav1`.
-            latest: Only the newest of each sender and kind; else all that are younger than the
-                channel's lifetime.
+            latest: Only the newest of each sender and kind; else all younger than the channel's
+            lifetime.
 
         Raises:
             InputError: The scenario has no channel, or a file cannot be read.
@@ -110,7 +110,7 @@ class Scenario(Sequence[FrameView]):
 
     @property
     def spec(self) -> Spec:
-        """The spec that the scenario was made from."""
+        """The spec of the scenario."""
         return self.manifest.spec
 
     @property
@@ -130,7 +130,7 @@ class Scenario(Sequence[FrameView]):
 
     @property
     def ego(self) -> str:
-        """Id of the agent that is the ego."""
+        """Id of the ego agent."""
         return self.spec.ego.id
 
     @property
@@ -145,7 +145,7 @@ class Scenario(Sequence[FrameView]):
 
     @property
     def labels(self) -> Mapping[str, str]:
-        """What distinguishes scenarios: weather, time, density, road, and the value of a sweep."""
+        """Properties by which scenarios differ: weather, time, density, road, swept value."""
         spec, swept = self.spec, self.spec.provenance.sweep
         return {
             "weather": spec.weather.id,
@@ -157,11 +157,11 @@ class Scenario(Sequence[FrameView]):
 
     @cached_property
     def left_out(self) -> tuple[LeftOut, ...]:
-        """Parts of files of others that are not read; none of a dataset of advercity."""
+        """Unread parts of files of others; empty for a dataset of advercity."""
         return ()
 
     def format_frame_name(self, index: int) -> str:
-        """Format the name that the files of a frame begin with."""
+        """Format the beginning of the names of a frame's files."""
         return format_frame_name(self.spec, index)
 
     def find_time_s(self, index: int) -> float:
@@ -189,14 +189,14 @@ class Scenario(Sequence[FrameView]):
         return self._frame_numbers
 
     def frame(self, index: int) -> FrameView:
-        """Return the frame with that number, counted from the first kept one."""
+        """Return the frame with a number, counted from the first kept one."""
         return FrameView(self, index)
 
     def load_samples(self, agent: str, kind: SampleKind) -> SampleSeries:
         """Load all samples of an agent's receiver, inertial unit or bus in the written frames.
 
-        Frames are at `frame.time_s` on the same time axis; a sensor that the agent does not have
-        has no samples. Reads one file a frame.
+        Frames are at `frame.time_s` on the same time axis; a missing sensor has no samples. Reads
+        one file per frame.
         """
         views = [(frame.time_s, frame[agent]) for frame in self]
         if kind == "gnss":
@@ -208,9 +208,9 @@ class Scenario(Sequence[FrameView]):
     def load_stamps(self, agent: str) -> dict[str, NDArray[np.float64]]:
         """Load the times (n,) of an agent's measurements since the scenario's start, by sensor.
 
-        `camera0`, `lidar0`, `radar0` and `thermal0` count as in the files and have a time for every
-        frame: that of the sample in its file, the same as in the frame before if there was none
-        since. `gnss`, `imu` and `can` are those that the agent has.
+        `camera0`, `lidar0`, `radar0` and `thermal0` count as in the files and have a time for
+        every frame: the time of the sample in its file, unchanged if there was no new sample.
+        `gnss`, `imu` and `can` are present if the agent has them.
         """
         # Imported here: the models of the language take longer than opening a dataset.
         from advercity_dsl.sensor_kinds import load_sensor_kinds
@@ -259,7 +259,7 @@ class Scenario(Sequence[FrameView]):
     def _load_frame_numbers(self) -> tuple[int, ...]:
         """Read the numbers of the written frames, without the models of the manifest if possible.
 
-        Damaged manifests, and those of a run that was cut short, go through `Manifest.load`.
+        Damaged manifests, and manifests of interrupted runs, go through `Manifest.load`.
         """
         try:
             path = self.path / MANIFEST_FILE
@@ -274,7 +274,7 @@ class Scenario(Sequence[FrameView]):
 class Dataset(Sequence[FrameView]):
     """All frames of all scenarios of a dataset, one scenario after the other.
 
-    It has a length and takes an index, which is all that PyTorch's `DataLoader` asks for.
+    It has a length and an index, all that PyTorch's `DataLoader` asks for.
 
     Args:
         path: Folder of a dataset, or of one scenario.
@@ -329,15 +329,15 @@ def open_scenarios(path: Path, layout: str | None = None) -> tuple[Scenario, ...
 def open_dataset(path: Path | str, layout: str | None = None) -> Dataset:
     """Open the folder of a dataset, or of one scenario.
 
-    Only the numbers of the written frames are read; the first frame that is taken from a scenario
+    Only the numbers of the written frames are read; the first frame taken from a scenario
     reads its manifest.
 
     Args:
         path: The folder.
-        layout: Of a folder without manifests, which other programs have written, the layout of its
-            files: `opv2v` (OPV2V, V2XSet, V2V4Real) or `adver_city`.
+        layout: Layout of a folder written by another program, without manifests: `opv2v` (OPV2V,
+        V2XSet, V2V4Real) or `adver_city`.
 
     Raises:
-        InputError: The folder holds no scenario, or none of that layout.
+        InputError: The folder holds no scenario, or none of this layout.
     """
     return Dataset(Path(path), layout)

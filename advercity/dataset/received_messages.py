@@ -1,4 +1,4 @@
-"""V2X messages that have arrived at an agent, read from the files of those who sent them."""
+"""V2X messages received by an agent, read from the files of their senders."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ EDGE_S = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ReceivedMessage:
-    """A message that has arrived at an agent.
+    """A message received by an agent.
 
     Attributes:
         kind: `cam`, `cpm` or `data`.
-        sender: Id of the agent that sent it.
-        view: What the sender recorded in the frame in which it sent: its clouds, images and truth.
+        sender: Id of the sending agent.
+        view: The sender's data in the frame of sending: its clouds, images and truth.
         age_s: Time since that frame.
         clock_age_s: The same by the clocks of receiver and sender, as the receiver computes it.
         arrived_s: Time since it arrived.
-        station: What the sender says of itself; its pose has the errors of its localisation.
-        objects: What it perceives, in its frame; None if the message is no CPM.
+        station: The sender's state; its pose has the errors of its localisation.
+        objects: The sender's perceived objects, in its frame; None if the message is no CPM.
     """
 
     kind: MessageKind
@@ -86,7 +86,7 @@ class ReceivedMessage:
 
 
 def load_sent_messages(view: AgentView) -> SentMessages:
-    """Load what an agent sends in a frame; InputError if there is no such file."""
+    """Load an agent's messages of a frame; InputError if there is no such file."""
     document, path = view.load_messages_document(), view.path(view.messages_suffix)
     with report_read_errors(path):
         return SentMessages(
@@ -98,13 +98,13 @@ def load_sent_messages(view: AgentView) -> SentMessages:
 def find_received_messages(
     frame: FrameView, receiver: str, *, latest: bool = True
 ) -> Iterator[ReceivedMessage]:
-    """Find the messages that have arrived at an agent by a frame, the newest of a sender first.
+    """Find the messages received by an agent up to a frame, the newest of a sender first.
 
     Args:
         frame: The frame.
         receiver: Id of the agent.
-        latest: Only the newest of each sender and kind; else all that are younger than the
-            channel's lifetime.
+        latest: Only the newest of each sender and kind; else all younger than the channel's
+        lifetime.
     """
     scenario = frame.scenario
     channel, tick_s = scenario.spec.channel, scenario.spec.timing.tick_s

@@ -1,8 +1,8 @@
 """Scenarios in a shared store: made in parts by several machines, and verified there.
 
 A part is a number of frames and a manifest of them. The manifests of parts are in the staging
-folder until the scenario is complete, so what is done is known however a machine ended, and the
-scenario ends with the bytes that one machine alone would have written.
+folder until the scenario is complete, so finished parts are known however a machine ended, and the
+scenario ends with the same bytes as on a single machine.
 """
 
 import re
@@ -27,12 +27,12 @@ BEGUN_SUFFIX = ".begun"
 
 
 def upload_part(store: DatasetStore, scenario: Path) -> None:
-    """Upload the frames in a scenario's folder, and then the manifest that lists them."""
+    """Upload the frames in a scenario's folder, and then the manifest listing them."""
     manifest = Manifest.load(scenario)
     first, last = manifest.frames[0], manifest.frames[-1]
     name = f"{_format_parts_folder(scenario.name)}/{first:06d}_{last:06d}.json"
     text = manifest.to_json().encode()
-    # Of a machine that stops before the end, these tell which files are its own.
+    # If the machine stops before the end, these identify its own files.
     store.write(f"{name}{BEGUN_SUFFIX}", text)
     for path, record in manifest.files.items():
         if record.frame is not None:
@@ -43,12 +43,12 @@ def upload_part(store: DatasetStore, scenario: Path) -> None:
 
 @dataclass(frozen=True)
 class SharedScenario:
-    """A scenario in a store that several machines write.
+    """A scenario in a store, written by several machines.
 
     Attributes:
         store: The store of the dataset.
         spec: The spec.
-        identity: What decides the bytes.
+        identity: The inputs of the bytes.
         length: Number of frames of the whole scenario.
     """
 
@@ -82,14 +82,14 @@ class SharedScenario:
         return records
 
     def finish(self, made: Iterable[int] = ()) -> Manifest:
-        """Write the manifest of all parts, and delete files of frames that it does not list.
+        """Write the manifest of all parts, and delete unlisted files of frames.
 
         Args:
-            made: Frames that were made.
+            made: Frames made here.
 
         Raises:
-            RunError: A part was made by other code or on another device, or files of a frame that
-                was made are gone.
+            RunError: A part was made by other code or on another device, or files of a frame in
+            `made` are gone.
         """
         own = encode_scenario_files(self.spec, self.identity)
         records = self._select_whole_frames(self._merge_records(self._read_manifests()))
@@ -113,7 +113,7 @@ class SharedScenario:
         return {path: record for path, record in records.items() if record.frame not in torn}
 
     def _remove_unfinished(self, finished: Mapping[str, FileRecord]) -> None:
-        """Delete what machines that stopped have uploaded of their parts, by its content."""
+        """Delete parts uploaded by machines before they stopped, by their content."""
         begun = filter(_is_begun, _list_parts(self.store, self.spec.id))
         for manifest in _read_manifests(self.store, begun):
             numbered = _select_frame_records(manifest)
@@ -138,7 +138,7 @@ class SharedScenario:
         found: Iterable[Mapping[str, FileRecord]],
         own: Mapping[str, bytes],
     ) -> None:
-        """Raise a RunError if a file of others is in the place of one that a run will write."""
+        """Raise a RunError if a foreign file has the path of a file of the run."""
         names = FrameFileNames(self.spec, self.identity.format, self.length)
         known = [*found, _record_contents(own)]
         for inside in self._list_files():
@@ -157,7 +157,7 @@ class SharedScenario:
         )
 
     def _clear(self, found: Iterable[Manifest]) -> None:
-        """Delete what runs have written, by its content; the new manifest replaces theirs."""
+        """Delete files written by runs, by content; the new manifest replaces theirs."""
         for manifest in found:
             own = {
                 path: record
@@ -188,7 +188,7 @@ class SharedScenario:
         return manifest
 
     def _read_manifests(self) -> list[Manifest]:
-        """Read the manifest of the scenario if it has one, and those of its parts."""
+        """Read the manifests of the scenario, if there is one, and of its parts."""
         parts = [part for part in _list_parts(self.store, self.spec.id) if not _is_begun(part)]
         return _read_manifests(self.store, [f"{self.spec.id}/{MANIFEST_FILE}", *parts])
 

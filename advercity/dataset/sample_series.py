@@ -1,4 +1,4 @@
-"""What a receiver, an inertial unit or a bus reported over a scenario, as arrays over time."""
+"""The reports of a receiver, an inertial unit or a bus over a scenario, as arrays."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SampleSeries:
 
     Attributes:
         times_s: (n,) since the scenario's start, as `Frame.time_s`.
-        values: Arrays (n, ...) by name, those of `GnssFix`, `ImuSample` or `CanSample`.
+        values: Arrays (n, ...) by field of `GnssFix`, `ImuSample` or `CanSample`.
     """
 
     times_s: NDArray[np.float64]
@@ -43,8 +43,8 @@ class SampleSeries:
     ) -> dict[str, NDArray[Any]]:
         """Interpolate values (m, ...) linearly at times (m,), headings the short way round.
 
-        Numbers are NaN before the first and after the last sample, and between samples that are
-        more than `max_gap_s` apart. What is no number is that of the nearest sample.
+        Numbers are NaN before the first and after the last sample, and between samples more than
+        `max_gap_s` apart. Values of other types are taken from the nearest sample.
         """
         at = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
         nearest = self._find_nearest(at)

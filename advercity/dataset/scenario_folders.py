@@ -1,6 +1,6 @@
 """Where a dataset's scenarios are, and the errors for folders that are none.
 
-Imports no pydantic model: building those takes longer than opening a dataset.
+Imports no pydantic model: building one takes longer than opening a dataset.
 """
 
 import errno
@@ -23,7 +23,7 @@ from advercity.output_files import (
 SPLITS_FILE = "splits.json"
 EXPORT_FILE = "export.json"
 MANIFEST_VERSION: Final = 5
-"""Version of the manifest's fields that this code writes and reads."""
+"""Version of the manifest's fields, for writing and reading."""
 
 
 def find_scenarios(dataset: Path) -> list[Path]:
@@ -42,7 +42,7 @@ def find_scenarios(dataset: Path) -> list[Path]:
     if dataset.name in ("", ".."):
         dataset = resolve_links(dataset)  # a scenario goes by the name of its folder
     for pattern in (".", "*/", "*/*/"):
-        # `glob` passes over folders that it may not read, as if they were empty.
+        # `glob` passes over unreadable folders as if they were empty.
         for folder in dataset.glob(pattern) if pattern != "." else (dataset,):
             if folder.name != "lost+found":  # of every disk, and for its administrator only
                 check_is_readable(folder)
@@ -79,15 +79,15 @@ def find_staging_folder(scenario: Path) -> Path:
     """Find the folder of a scenario's unfinished files.
 
     It is outside the scenario because loaders of OPV2V take every folder in a scenario for an
-    agent; of a link, as in a split, beside the folder that it leads to.
+    agent. For a link, as in a split, it is beside the folder the link leads to.
     """
-    # `Path.is_symlink` fails in a folder that may not be read, which the caller is to report.
+    # `Path.is_symlink` fails in an unreadable folder, which the caller is to report.
     real = resolve_links(scenario) if os.path.islink(scenario) else scenario  # noqa: PTH114
     return real.parent / STAGING_FOLDER / real.name
 
 
 def check_folders_are_no_links(scenario: Path, folders: Iterable[str]) -> None:
-    """Check that a run may write and delete in a scenario; the dataset itself may be a link.
+    """Check for links to folders in a scenario; the dataset itself may be a link.
 
     Args:
         scenario: Folder of the scenario.
@@ -109,9 +109,9 @@ def check_folders_are_no_links(scenario: Path, folders: Iterable[str]) -> None:
 
 
 def check_is_outside_datasets(output: Path) -> None:
-    """Check that a folder to be written is no dataset, and in none, by its own path and by links.
+    """Check that a new folder is no dataset and in none, by its own path and by links.
 
-    Loaders of OPV2V take a folder in a dataset for a scenario, and one in that for an agent.
+    Loaders of OPV2V take a folder in a dataset for a scenario, and one in a scenario for an agent.
 
     Raises:
         InputError: It is.
@@ -124,7 +124,7 @@ def check_is_outside_datasets(output: Path) -> None:
 
 
 def check_is_outside_exports(output: Path, *, may_be_one: bool = False) -> None:
-    """Check that a folder to be written is not in an export, whose files a manifest lists.
+    """Check that a new folder is not in an export, whose files a manifest lists.
 
     Args:
         output: The folder.
@@ -141,7 +141,7 @@ def check_is_outside_exports(output: Path, *, may_be_one: bool = False) -> None:
 
 
 def _is_export(folder: Path) -> bool:
-    """Return whether a folder is an export; programs of others have manifests of that name."""
+    """Return whether a folder is an export; other programs use this name for manifests, too."""
     path = folder / EXPORT_FILE
     try:
         document = parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path)
@@ -171,7 +171,7 @@ def not_a_scenario_error(folder: Path) -> InputError:
 
 
 def no_dataset_to_replace_error(folder: Path | str) -> RunError:
-    """Explain that a run does not write into a folder that holds other files."""
+    """Explain why a run does not write into a folder with other files."""
     return RunError(
         f"{folder}: holds files but no {MANIFEST_FILE}, so not a dataset; delete it, or choose"
         " another `output`"
@@ -179,7 +179,7 @@ def no_dataset_to_replace_error(folder: Path | str) -> RunError:
 
 
 def no_frames_error(path: Path) -> InputError:
-    """Explain that a scenario, or a whole dataset, has no frames yet."""
+    """Explain the missing frames of a scenario or a whole dataset."""
     return InputError(f"{path}: no frames here yet; `advercity run` with its spec makes them")
 
 

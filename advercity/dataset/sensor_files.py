@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from advercity.sensors.sensor_frame import SensorFrame
 
 EncodingJobs = Mapping[str, Callable[[], bytes]]
-"""What makes the bytes of files, by the ends of their names."""
+"""Functions making the bytes of files, by the ends of their names."""
 
 
 @dataclass(frozen=True)
@@ -49,16 +49,16 @@ def _describe_none(item: SensorFrame, number: int) -> dict[str, Any]:
 class SensorFiles:
     """How a dataset keeps the measurements of a kind of sensor.
 
-    Documents hold plain types and are left-handed, as `frame_documents` has them. Sensors are
-    given by their numbers among those of the kind; there is a measurement wherever one is asked
-    for, but not always of a sensor without a place of its own.
+    Documents hold plain types and are left-handed, as in `frame_documents`. Sensors are given by
+    their number within the kind. A measurement exists for every call, except for sensors without a
+    place of their own.
 
     Attributes:
         read: Reads a measurement back, right-handed, as its driver returned it.
         list_suffixes: Lists the ends of the names of a sensor's files in a layout.
-        encode: Makes those files; what the layout does not list is not written.
+        encode: Makes these files; files unknown to the layout are not written.
         describe: Makes entries of `<frame>.yaml`, the pose among them.
-        report: Makes entries of the document that receivers, inertial units and buses share.
+        report: Makes entries of the common document of receivers, inertial units and buses.
         label: Makes entries of an object of `_objects.json`, by the actor's id.
         annotate: Makes entries of `_objects.json` itself.
         locate: Reads the pose (4, 4) of a sensor; not of kinds without a place.

@@ -57,8 +57,8 @@ def link_splits(
     Raises:
         InputError: Two scenarios have one name, a value belongs to no split, or to two, or is
             neither the dataset's nor a published road, or `output` is in a dataset or an export,
-            or has a `splits.json` or a link that was not made by this, or another file there;
-            no link is changed then.
+            or has a `splits.json` or a link from elsewhere, or another file there; no link is
+            changed then.
         RunError: The links cannot be made.
     """
     split_of = _map_values_to_splits(values, by)
@@ -76,7 +76,7 @@ def link_splits(
 def link_shares(
     dataset: Path, output: Path, shares: Mapping[str, float], *, by: str = "scene"
 ) -> dict[str, list[str]]:
-    """Draw splits of given shares; scenarios that have a property in common stay together.
+    """Draw splits of given shares; scenarios with a property in common stay together.
 
     The draw is the same for the same scenarios. Every split with a share gets a group.
 
@@ -103,11 +103,11 @@ def link_shares(
     scale = len(folders) / sum(wanted.values())
     missing = {split: share * scale for split, share in wanted.items()}
     split_of: dict[str, str] = {}
-    # Largest groups first, so that the last ones fill the gaps; equal ones in a fixed random order.
+    # Largest groups first; the last ones fill the gaps. Equal ones are in a fixed random order.
     order = sorted(groups, key=lambda value: (-len(groups[value]), _draw_order(value)))
     for number, value in enumerate(order):
         empty = wanted.keys() - split_of.values()
-        # The last groups are for splits that would have none.
+        # The last groups are for splits still empty.
         takers = empty if len(empty) == len(order) - number else wanted
         split = max((it for it in wanted if it in takers), key=lambda split: missing[split])
         missing[split] -= len(groups[value])
@@ -152,7 +152,7 @@ def _map_values_to_splits(values: Mapping[str, Collection[str]], by: str) -> dic
 def _check_values_are_known(
     values: Mapping[str, Collection[str]], known: Collection[str], dataset: Path, by: str
 ) -> None:
-    """Refuse values that no scenario has; of a part of a dataset, published roads may lack."""
+    """Refuse values of no scenario; published roads may be missing in a partial dataset."""
     published = {road for group in PUBLISHED_SPLITS.values() for road in group}
     for split, chosen in values.items():
         for value in chosen:
@@ -167,7 +167,7 @@ def _link_folders(folders: dict[str, Path], found: dict[str, list[str]], output:
     path, content = output / SPLITS_FILE, json.dumps(found, indent=1).encode() + b"\n"
     check_output(path, hashlib.sha256(content).hexdigest())
     links = {
-        # Relative, so that dataset and splits can be moved together.
+        # Relative: dataset and splits can be moved together.
         output / split / name: os.path.relpath(
             resolve_links(folders[name]), resolve_links(output / split)
         )
@@ -187,7 +187,7 @@ def _link_folders(folders: dict[str, Path], found: dict[str, list[str]], output:
 
 @contextmanager
 def _create_folders(folders: Sequence[Path]) -> Generator[None]:
-    """Create folders; after an error, those of them that are new and empty are removed."""
+    """Create folders; after an error, remove the new, empty ones."""
     wanted = dict.fromkeys(path for folder in folders for path in (folder, *folder.parents))
     missing = sorted((path for path in wanted if not os.path.lexists(path)), reverse=True)
     try:
@@ -202,7 +202,7 @@ def _create_folders(folders: Sequence[Path]) -> Generator[None]:
 
 
 def _load_splits(path: Path) -> dict[str, list[str]]:
-    """Load the scenarios that were linked last, by split; empty if none were."""
+    """Load the scenarios of the latest links, by split; empty if there are none."""
     with suppress(OSError, InputError, ValidationError):
         return _SPLITS.validate_python(parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path))
     return {}

@@ -36,11 +36,11 @@ TABLES_WITHOUT_PLOT = ("stats", "radar_by_kind", "messages")
 
 
 def write_plots(tables: Iterable[StatisticsTable], folder: Path) -> None:
-    """Plot each table that has a plot as `<name>.png`, all or none.
+    """Plot each table as `<name>.png` if it has a plot, all or none.
 
     Raises:
-        InputError: matplotlib is not installed, or a file of that name exists and may not be
-            replaced.
+        InputError: matplotlib is not installed, or a file of this name exists and may not be
+        replaced.
         RunError: The folder is full or not writable.
     """
     try:
@@ -109,7 +109,7 @@ def _draw_bars(axes: Any, table: StatisticsTable) -> None:
     has_any = any(np.any(np.asarray(values) > 0) for _, values in series)
     if table.name in LOGARITHMIC_TABLES and has_any:
         axes.set_yscale("log")
-        axes.set_ylim(bottom=0.5)  # so that a count of 1 is visible
+        axes.set_ylim(bottom=0.5)  # shows a count of 1
     axes.set_xlabel(_format_label(first.removesuffix("_from")))
     _label_series(axes, [name for name, _ in series])
 

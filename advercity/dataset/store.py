@@ -1,6 +1,6 @@
-"""A dataset in a store, such as a network folder or S3, and the lease that one run has on it.
+"""A dataset in a store, such as a network folder or S3, and a run's lease on it.
 
-A file in a store is complete or absent, even if the machine that writes it stops.
+A file in a store is complete or absent, even if the writing machine stops.
 
 Stores have no locks that end with their owner, and machines have different clocks. So the owner of
 a lease keeps rewriting the lease file; another run watches the file for a while, and takes the
@@ -60,7 +60,7 @@ class DatasetStore:
                 return None
 
     def write(self, path: str, content: bytes) -> None:
-        """Write a file, so that it is complete or absent at any moment.
+        """Write a file; it is complete or absent at any moment.
 
         Raises:
             RunError: The store refuses it.
@@ -104,7 +104,7 @@ class DatasetStore:
             RunError: The store does not answer, or has no such bucket.
         """
         with self._report_errors(f"{folder or 'it'} cannot be listed"):
-            self._files.invalidate_cache()  # fsspec would not show what other machines wrote
+            self._files.invalidate_cache()  # fsspec would not show files of other machines
             found = self._files.find(self._absolute_path(folder).rstrip("/"))
         return sorted(path.removeprefix(f"{self._root}/") for path in found)
 
@@ -120,7 +120,7 @@ class DatasetStore:
                 self._files.rm(self._absolute_path(folder), recursive=True)
 
     def remove_partial_files(self) -> None:
-        """Delete the files that processes which stopped have left unfinished.
+        """Delete unfinished files of stopped processes.
 
         Raises:
             RunError: The store refuses it.
@@ -151,7 +151,7 @@ class DatasetStore:
 
 LEASE_FILE = ".staging/lease"
 LEASE_TIMEOUT_S = 20.0
-"""How long a lease that is not renewed is respected."""
+"""How long a lease is respected without renewal."""
 
 
 class DatasetLease:
@@ -159,8 +159,8 @@ class DatasetLease:
 
     Args:
         store: The store of the dataset.
-        timeout_s: How long a lease that is not renewed is respected; this one is renewed four
-            times as often.
+        timeout_s: How long a lease is respected without renewal; this one is renewed four times
+        as often.
 
     Raises:
         RunError: Another run has the lease (when the context is entered).
@@ -198,7 +198,7 @@ class DatasetLease:
             )
 
     def _take_over(self) -> None:
-        """Replace a lease that its owner has stopped renewing."""
+        """Replace a lease after its owner has stopped renewing it."""
         found = self._store.read(LEASE_FILE)
         until_s = time.monotonic() + self._timeout_s
         while time.monotonic() < until_s:
@@ -222,7 +222,7 @@ class DatasetLease:
             try:
                 if not self._is_owned_here():
                     break
-                self._renewals += 1  # changes the file, which is all that other runs look for
+                self._renewals += 1  # changes the file: other runs look for nothing else
                 self._store.write(LEASE_FILE, self._format())
                 renewed_s = time.monotonic()
             except RunError:

@@ -40,7 +40,7 @@ def _encode(item: SensorFrame, number: int, options: FileOptions) -> EncodingJob
 
 
 def _describe(item: SensorFrame, number: int) -> dict[str, Any]:
-    """Describe it as other cameras, and what a step of its values is."""
+    """Describe it like other cameras, with the temperature step of its values."""
     pose, model = item.thermal_images[number].world_from_camera, item.build_thermal_model(number)
     step = {"kelvin_per_count": KELVIN_PER_COUNT}
     return {f"thermal{number}": describe_pinhole(item, pose, model) | step}

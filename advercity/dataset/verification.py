@@ -1,7 +1,7 @@
 """Compares a dataset with its manifests and its index, and restores missing and changed files.
 
-Restoring touches only files that a manifest records, and what a killed run left of a frame. A file
-that was changed is kept under another name.
+Restoring touches only files recorded by a manifest, and a killed run's remains of frames. Changed
+files are kept under another name.
 """
 
 import os
@@ -40,15 +40,15 @@ from advercity.sensors.sensor_frame import SensorFrame
 
 @dataclass(frozen=True)
 class FileProblem:
-    """A file that is not as the manifest lists it, or that it does not list.
+    """A file that differs from the manifest, or is not listed in it.
 
     Attributes:
         scenario: Folder of the scenario.
         path: Path within the scenario.
-        kind: What is wrong. Files that no manifest lists are `unfinished` if a run that was cut
-            short left them, and else `foreign`, which is no damage. A scenario that is `being
-            written` has this one problem, with an empty path.
-        frame: Frame that has to be written again; None for files of the whole scenario.
+        kind: The problem. Unlisted files are `unfinished` if an interrupted run left them, and
+        else `foreign`, which is no damage. A scenario that is `being written` has this one
+        problem, with an empty path.
+        frame: Frame to be written again; None for files of the whole scenario.
     """
 
     scenario: Path
@@ -75,7 +75,7 @@ def verify_dataset(dataset: Path) -> list[FileProblem]:
         InputError: The folder holds no scenario.
         RunError: A file cannot be read.
     """
-    # Where every scenario is missing, only the index shows that this is a dataset.
+    # If every scenario is missing, only the index identifies a dataset.
     differing = [one for one in compare_with_index(dataset) if not is_being_written(one.scenario)]
     if differing and not any(path.exists() for path in dataset.glob(f"*/{MANIFEST_FILE}")):
         return differing
@@ -92,9 +92,9 @@ def _verify_if_at_rest(scenario: Path) -> list[FileProblem]:
 
 
 def compare_with_index(dataset: Path) -> list[FileProblem]:
-    """List scenarios of the index that are missing, and manifests with another checksum.
+    """List missing scenarios of the index, and manifests with another checksum.
 
-    A scenario that failed before it had a manifest counts if files of it are there.
+    A scenario which failed before its manifest was written counts if it has files.
 
     Raises:
         RunError: A file cannot be read.
@@ -146,9 +146,9 @@ def compare_with_records(
     Args:
         scenario: The folder, for the problems.
         recorded: Records of the manifest, by path.
-        paths: Paths of the files that exist, within the folder.
+        paths: Paths of the existing files, within the folder.
         matches: Returns whether the file at a path is as recorded; called by several threads.
-        unfinished: Those of the paths that a run which was cut short has left.
+        unfinished: The paths left by an interrupted run.
     """
     found = set(paths)
     problems = [
@@ -195,9 +195,9 @@ def restore_files(
     problems: Iterable[FileProblem],
     capture_frame: Callable[[int], tuple[SensorFrame, ...]],
 ) -> list[FileProblem]:
-    """Restore the files that `verify_scenario` found; return the problems that are left.
+    """Restore the files found by `verify_scenario`; return the remaining problems.
 
-    Those are foreign files, and recorded ones that no run writes. Frames are captured again one by
+    These are foreign files, and recorded ones no run writes. Frames are captured again one by
     one; a missing or changed file is replaced once the new content has the checksum of the
     manifest. So an interruption leaves the scenario no worse than before, and the same call
     continues.
@@ -234,7 +234,7 @@ def restore_files(
 def _restore(
     scenario: Path, manifest: Manifest, files: Mapping[str, bytes], damaged: set[str]
 ) -> set[str]:
-    """Replace those of the files that are damaged, if they are as the manifest records them.
+    """Replace the damaged files if their new content has the recorded checksum.
 
     Returns their paths.
     """

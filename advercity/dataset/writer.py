@@ -1,7 +1,7 @@
-"""Writes a scenario so that a frame is either complete or absent, whatever interrupts the run.
+"""Writes a scenario; frames are complete or absent, whatever interrupts the run.
 
-`ScenarioWriter` opens a scenario for one run: it adds the journals of runs that were cut short to
-the manifest, removes what no record names, and leaves a manifest of what is there. Frames come from
+`ScenarioWriter` opens a scenario for one run: it merges the journals of interrupted runs into the
+manifest, removes unrecorded files, and leaves a manifest of all present files. Frames come from
 it and from a `FrameWriter` in each further process.
 """
 
@@ -55,14 +55,14 @@ _logger = logging.getLogger(__name__)
 
 ATTRIBUTION_FILE = "ATTRIBUTION.md"
 SCENARIO_FILES = {PROTOCOL_FILE, ATTRIBUTION_FILE}
-"""Files that belong to no frame."""
+"""Files of the whole scenario, not of a frame."""
 
 
 def encode_scenario_files(spec: Spec, identity: Identity) -> dict[str, bytes]:
-    """Encode the files that belong to no frame, by path.
+    """Encode the files of the whole scenario, by path.
 
-    These are the spec as YAML, in the original's layout with keys that its tools look for, and the
-    attribution of models and photographs if it shows any.
+    These are the spec as YAML, in the original's layout with keys for its tools, and the
+    attribution of models and photographs, if there are any.
     """
     as_original = identity.format == ADVER_CITY.name
     document = build_protocol(spec) if as_original else spec.model_dump(mode="json")
@@ -74,14 +74,14 @@ def encode_scenario_files(spec: Spec, identity: Identity) -> dict[str, bytes]:
 
 
 class FrameWriter:
-    """Adds frames to a scenario that a `ScenarioWriter` has open, here or in another process.
+    """Adds frames to a scenario opened by a `ScenarioWriter`, here or in another process.
 
     Args:
         scenario: Folder of the scenario.
         spec: The spec.
-        identity: What decides the bytes.
+        identity: The inputs of the bytes.
         length: Number of frames of the whole scenario.
-        process: Number of this process among those that write frames of the scenario.
+        process: Number of this process among the writers of the scenario's frames.
     """
 
     def __init__(
@@ -129,13 +129,13 @@ class FrameWriter:
                 path: FileRecord.from_content(content, frame=frame)
                 for path, content in files.items()
             }
-            # Whatever cuts the moving short, the next run knows which files are this one's.
+            # Whatever interrupts the moves, the next run knows this one's files.
             journal = append_to_journal(self.scenario, self._process, records, moved=False)
             sync_files([*partials.values(), journal, journal.parent])
             set_aside(self.scenario, files)
             for path, partial in partials.items():
                 move_file(partial, self.scenario / path)
-            # Only now: after a power cut, whatever a journal lists has its content and its name.
+            # Only now: after a power cut, every file in a journal has its content and its name.
             sync_files({(self.scenario / path).parent for path in files})
             append_to_journal(self.scenario, self._process, records, moved=True)
         self._size_bytes += sum(record.size for record in records.values())
@@ -144,19 +144,19 @@ class FrameWriter:
 class ScenarioWriter(FrameWriter):
     """Opens a scenario for one run, writes frames, and keeps the manifest; a context manager.
 
-    Entering it finds the frames that are complete. Leaving it, also after an error, writes the
-    manifest. Every failure of the disk is a RunError that names the path.
+    Entering it finds the complete frames. Leaving it, also after an error, writes the manifest.
+    Every failure of the disk is a RunError with the path.
 
     Args:
         root: Folder of the dataset; the scenario's is `root/<spec id>`.
         spec: The spec.
-        identity: What decides the bytes; a scenario of another identity is not continued.
+        identity: The inputs of the bytes; a scenario of another identity is not continued.
         length: Number of frames of the whole scenario.
-        fresh: Delete what runs have written there and start over.
+        fresh: Delete files of earlier runs and start over.
 
     Raises:
         RunError: Another run is writing, the scenario is of another identity, a folder is a link,
-            or the folder holds something that is not a dataset.
+            or the folder holds other files than a dataset.
     """
 
     def __init__(
@@ -171,7 +171,7 @@ class ScenarioWriter(FrameWriter):
 
     @property
     def done_frames(self) -> frozenset[int]:
-        """Frames that were complete when the scenario was opened."""
+        """Frames already complete when the scenario was opened."""
         return frozenset(file.frame for file in self._files.values() if file.frame is not None)
 
     def __enter__(self) -> Self:
@@ -181,7 +181,7 @@ class ScenarioWriter(FrameWriter):
             with ExitStack() as on_error:
                 on_error.callback(self._lock.close)
                 self._open_or_leave()
-                # Workers that join keep other runs out, too, should this process die first.
+                # Workers hold the lock, too, and keep other runs out should this process die first.
                 share_lock(self._lock)
                 on_error.pop_all()
         return self
@@ -223,7 +223,7 @@ class ScenarioWriter(FrameWriter):
             raise
 
     def _open(self) -> None:
-        # So that no mistyped output folder is emptied or mixed into a dataset.
+        # A mistyped output folder must not be emptied or mixed into a dataset.
         has_manifest = (self.scenario / MANIFEST_FILE).exists()
         if not has_manifest and self.scenario.exists() and any(self.scenario.iterdir()):
             raise no_dataset_to_replace_error(self.scenario)
@@ -253,7 +253,7 @@ class ScenarioWriter(FrameWriter):
             replace_file(self.scenario, path, content)
 
     def _clear(self, found: Manifest) -> None:
-        """Delete what runs have written, as the manifest of the last one tells."""
+        """Delete files written by runs, according to the last manifest."""
         names = found.frame_file_names
         check_folders_are_no_links(self.scenario, names.folders)
         own = list_matching_files(
@@ -289,8 +289,8 @@ class ScenarioWriter(FrameWriter):
     def _find_finished_records(self, manifest: Manifest) -> dict[str, FileRecord]:
         """Find the records of the frames whose files are all as recorded.
 
-        Those of a run that was cut short by their content, which a power cut may have cost on disks
-        that report too early that they have it; others by their size.
+        Files of an interrupted run are checked by content: a power cut may have cost it on disks
+        which report writes too early. Other files are checked by size.
         """
         manifest.identity.check_same(
             self._identity,
@@ -318,7 +318,7 @@ class ScenarioWriter(FrameWriter):
     def _remove_unfinished(self, former: Mapping[str, FileRecord]) -> None:
         """Delete the files of incomplete frames, unfinished files and claims.
 
-        Of files in place only those with the content that a run has recorded.
+        Files in place are deleted only if their content is recorded by a run.
         """
         check_folders_are_no_links(self.scenario, self._names.folders)
         done = self.done_frames
@@ -338,7 +338,7 @@ class ScenarioWriter(FrameWriter):
         return manifest
 
     def _format_as_written(self) -> bytes:
-        """Format the manifest in place as a run would have, whatever its user made of it."""
+        """Format the manifest in place as a run would, whatever its user made of it."""
         path = self.scenario / MANIFEST_FILE
         found = Manifest.parse(read_bytes(path, max_bytes=MAX_JSON_BYTES), where=str(path))
         if not found.identity.list_differences(self._identity):
