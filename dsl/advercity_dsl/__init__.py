@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Return a name of `language`, which is loaded at the first use.
+    """Return a name of `language`, loaded at the first use.
 
-    Rigs load the kinds of sensors of other distributions, and the module of such a kind may be the
-    first that imports this package.
+    Rigs load the kinds of sensors of other distributions. The module of such a kind may be the
+    first to import this package.
     """
     return getattr(import_module("advercity_dsl.language"), name)

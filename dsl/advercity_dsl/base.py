@@ -31,18 +31,18 @@ ValuePath = tuple[str | int, ...]
 
 
 class Model(BaseModel):
-    """Frozen record that rejects unknown keys and infinite numbers."""
+    """Frozen record without unknown keys and infinite numbers."""
 
     # JSON has no infinite numbers; a misspelt key must not be ignored.
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class InvalidCombination(ValueError):
-    """Values that are valid one by one but contradict each other.
+    """Values valid one by one, but in contradiction with each other.
 
     Attributes:
-        value_path: Path of the value to change, relative to the model that raises.
-        message: What is wrong.
+        value_path: Path of the value to change, relative to the raising model.
+        message: The contradiction.
         hint: How to correct it.
         other_path: Path of the conflicting value, shown if the first is a default.
     """
@@ -63,7 +63,7 @@ class InvalidCombination(ValueError):
 
 
 class Declaration(Model):
-    """Fields that every YAML document has besides its `kind`."""
+    """Fields of every YAML document in addition to its `kind`."""
 
     id: Id
     """Name by which others refer to it; part of the ids of scenarios."""
@@ -72,7 +72,7 @@ class Declaration(Model):
     source: str = ""
     """Source of the figures."""
     assumption: str = ""
-    """Figures that are assumed rather than measured, and why they were chosen."""
+    """Figures assumed rather than measured, with the reason for the choice."""
 
 
 def check_all_or_list(value: object, *, things: str, hint: str) -> object:
@@ -84,7 +84,7 @@ def check_all_or_list(value: object, *, things: str, hint: str) -> object:
 
 
 def find_all_or_list_tag(value: object) -> str:
-    """Find the tag of a value that is `all` or a list, for a `Discriminator`."""
+    """Return the tag of a value, `all` or `list`, for a `Discriminator`."""
     return "list" if isinstance(value, list | tuple) else "all"
 
 
@@ -134,7 +134,7 @@ def suggest_name(name: str, valid: Iterable[str]) -> str:
     names = sorted(valid)
 
     def rate(other: str) -> tuple[float, bool]:
-        """Rate the similarity; of names that are as similar, one that begins alike is meant."""
+        """Rate the similarity; among equally similar names, one with the same first letter wins."""
         similarity = difflib.SequenceMatcher(None, other, name).ratio()
         return similarity, other[:1] == name[:1]
 

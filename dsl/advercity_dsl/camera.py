@@ -34,8 +34,7 @@ class Exposure(CompactModel):
     mode: Literal["auto", "sensor", "manual"] = "auto"
     """`auto` meters every image with a fixed shutter: a grey filter darkens days, gain brightens
     nights. `sensor` meters without a filter: it adjusts the shutter from 20 µs to 1/30 s, or to
-    `shutter_s` if that is longer, and then ISO up to 10,000. `manual` uses shutter and ISO as
-    given."""
+    `shutter_s` if longer, and then ISO up to 10,000. `manual` uses shutter and ISO as given."""
     f_number: Annotated[Number, Field(ge=0.5, le=64)] = 1.4
     """F-number of the aperture."""
     shutter_s: Annotated[Seconds, Field(ge=1e-6, le=1)] = 0.005
@@ -55,9 +54,8 @@ class PointSpread(CompactModel):
     """Blur by a lens: the image of a point is a Gaussian, wider away from the middle.
 
     The figures are standard deviations on the sensor over the focal length: a pixel of 3 um behind
-    6 mm is 0.5 mrad. The variance that a corner has more than the middle grows with the fourth
-    power of the distance from the middle, as curvature of field and astigmatism of third order
-    blur.
+    6 mm is 0.5 mrad. The extra variance of a corner over the middle grows with the fourth power of
+    the distance from the middle, as curvature of field and astigmatism of third order blur.
     """
 
     centre_mrad: Spread = 0
@@ -78,7 +76,7 @@ class Dirt(CompactModel):
     """Spots of dirt on the glass of a camera, which stay through all frames and weathers."""
 
     coverage: Annotated[Fraction, Field(ge=0, le=0.9)] = 0.02
-    """Fraction of the glass that they cover."""
+    """Fraction of the glass covered by the spots."""
     seed: Count = 0
     """Seed of their places; each carrier and mount has its own for every seed."""
 
@@ -113,35 +111,35 @@ class RawOutput(CompactModel):
 class Isp(CompactModel):
     """Image signal processor: makes the image of the values of the sensor's pixels.
 
-    It reads those that `raw` describes; of a camera without, 16 bits with all highlights, whose
-    black level is 1024.
+    It reads the values described by `raw`. A camera without `raw` has 16 bits with all highlights
+    and a black level of 1024.
     """
 
     demosaic: Literal["bilinear", "edge_aware"] = "edge_aware"
     """Method to find colours between the filters: means of all neighbours, or green from the two
     neighbours between which it changes less."""
     denoise: Annotated[Fraction, Field(ge=0, le=0.95)] = 0.5
-    """Fraction of the noise that is removed from even surfaces; 0 leaves all."""
+    """Fraction of the noise removed from even surfaces; 0 keeps all noise."""
     sharpening: Annotated[Fraction, Field(ge=0, le=1)] = 0.25
     """Overshoot of a sharp edge over its height."""
     jpeg_quality: Annotated[Count, Field(ge=1, le=100)] | None = Field(
         default=None, exclude_if=is_none
     )
-    """Quality of the JPEG that the image was compressed to, whose artefacts it has; without it, it
-    is not compressed."""
+    """Quality of the JPEG whose artefacts the image has; without it, the image is not
+    compressed."""
 
 
 MAX_BLURRED_S = 0.1
-"""Longest exposure that is blurred: a tick, in which bodies go on as their derivatives say."""
+"""Longest blurred exposure: a tick, in which bodies move by their derivatives."""
 
 
 class Shutter(CompactModel):
-    """Rows that are exposed one after the other, from the top, and blur by motion meanwhile.
+    """Rows exposed one after the other from the top, with motion blur.
 
     The frame's instant is the middle of the readout and of the exposure: then the middle row is in
-    the middle of its exposure. The scene is rendered once for each band of rows, as it is when the
-    middle of the band is exposed. An object that moves by p pixels in the readout is at most
-    p / (2 bands) pixels off. With blur, it is rendered several times over each band's exposure.
+    the middle of its exposure. The scene is rendered once for each band of rows, at the middle of
+    the band's exposure. An object moving p pixels in the readout is at most p / (2 bands) pixels
+    off. With blur, it is rendered several times over each band's exposure.
     """
 
     readout_ms: Annotated[Milliseconds, Field(ge=0, le=100)] = 0
@@ -171,14 +169,14 @@ class Shutter(CompactModel):
 
 
 TruthImage = Literal["instance", "normal", "flow"]
-"""An image of truth that a camera may have."""
+"""An optional truth image of a camera."""
 
 
 MAX_PIXEL_ASPECT = 2.0
 """Largest ratio of both focal lengths of a camera; pixels of sensors are square, or nearly so."""
 
 MAX_PINHOLE_EDGE_RAD = math.radians(85)
-"""Largest angle off the axis that a calibrated pinhole shows."""
+"""Largest angle off the axis in a calibrated pinhole."""
 
 
 class Camera(Sampled):
@@ -196,14 +194,14 @@ class Camera(Sampled):
         Field(gt=5, lt=170),
         RangeReason("one plane is rendered; for a wider view, mount several cameras at one place"),
     ] = 100
-    """Angle that the width of the image spans, with its lens; the axis meets the image's middle."""
+    """Horizontal angle of view, with the lens; the axis meets the image's middle."""
     intrinsics: Intrinsics | None = Field(default=None, exclude_if=is_none)
     """Focal lengths and principal point of a calibration, instead of `horizontal_fov_deg`."""
     calibration: Annotated[str, Field(min_length=1, max_length=1000)] | None = Field(
         default=None, exclude_if=is_none
     )
-    """File that gives size, intrinsics and lens, relative to the declaration: a camera_info of ROS,
-    or a chain of Kalibr."""
+    """File with size, intrinsics and lens, relative to the declaration: a camera_info of ROS, or a
+    chain of Kalibr."""
     calibrated_camera: Annotated[str, Field(min_length=1, max_length=64)] | None = Field(
         default=None, exclude_if=is_none
     )
@@ -213,13 +211,14 @@ class Camera(Sampled):
     exposure: Exposure = Exposure()
     """How it is exposed."""
     highlights_ev: Annotated[Number, Field(ge=0, le=4)] = 4
-    """Stops above pixel saturation that the sensor resolves and the tone curve compresses; 0 is a
+    """Stops above pixel saturation resolved by the sensor and compressed by the tone curve; 0 is a
     plain sensor, which clips."""
     combined_exposures: Annotated[Count, Field(ge=1, le=4)] = Field(
         default=1, exclude_if=lambda value: value == 1
     )
-    """Exposures at once, as of split pixels, that share these stops evenly: each value has the
-    noise and the steps of the longest that it does not fill. 1 is a well as deep as all stops."""
+    """Simultaneous exposures, as of split pixels, which share these stops evenly: each value has
+    the noise and the steps of the longest unsaturated exposure. 1 is a well as deep as all stops.
+    """
     noise: Flag = True
     """Whether shot noise and read noise are simulated."""
     vignetting: Annotated[Number, Field(ge=0, le=8)] = 1
@@ -229,7 +228,7 @@ class Camera(Sampled):
     point_spread: PointSpread | None = Field(default=None, exclude_if=is_none)
     """Blur by the lens; without it, images are sharp to the pixel."""
     dirt: Dirt | None = Field(default=None, exclude_if=is_none)
-    """Dirt that stays on the glass, in addition to the traces of weather; without it, none."""
+    """Permanent dirt on the glass, in addition to the traces of weather; without it, none."""
     shutter: Shutter | None = Field(default=None, exclude_if=is_none)
     """Rolling shutter and blur by motion; without it, images show one instant."""
     hdr: Flag = Field(default=False, exclude_if=is_empty)
@@ -372,7 +371,7 @@ class Camera(Sampled):
 
     @property
     def sensor_values(self) -> RawOutput:
-        """Coding of the pixel values that `raw` writes and `isp` reads."""
+        """Coding of the pixel values written by `raw` and read by `isp`."""
         of_isp = {"bits": 16, "black_level": 1024, "highlights_ev": self.highlights_ev}
         return self.raw or RawOutput.model_validate(of_isp)
 
@@ -383,7 +382,7 @@ class Camera(Sampled):
 
     @property
     def renders(self) -> int:
-        """Images that a renderer makes for one of this camera."""
+        """Images rendered for one image of this camera."""
         if self.shutter is None:
             return 1
         bands = self.shutter.bands if self.is_rolling else 1
@@ -397,7 +396,7 @@ class Camera(Sampled):
 
     @property
     def is_metered_first(self) -> bool:
-        """Whether an image is rendered to meter the exposure that decides blur and flicker."""
+        """Whether a first image meters the exposure, on which blur and flicker depend."""
         shutter, is_self_exposing = self.shutter or Shutter(), self.exposure.mode == "sensor"
         return is_self_exposing and (shutter.blur_samples > 1 or shutter.led_flicker)
 
@@ -424,7 +423,7 @@ class Camera(Sampled):
 
     @property
     def more_images(self) -> tuple[str, ...]:
-        """Kinds of images that are written in addition to the images of every camera."""
+        """Kinds of images written in addition to the images of every camera."""
         asked = {"hdr": self.hdr, "raw": self.raw is not None}
         return (*self.truth, *(kind for kind, is_asked in asked.items() if is_asked))
 

@@ -44,7 +44,7 @@ class PedestrianAppearance(CompactModel):
     bottom: Literal["trousers", "shorts", "skirt"] = "trousers"
     """Garment of the legs."""
     bottom_colour: ClothColour = "dark"
-    """Colour of that garment."""
+    """Colour of the garment."""
     hair: Literal["short", "long", "bun", "bald", "hat", "hood"] = "short"
     """Hairstyle or headwear."""
     hair_colour: Literal["black", "brown", "blond", "grey", "red"] = "brown"
@@ -52,15 +52,15 @@ class PedestrianAppearance(CompactModel):
     skin: Literal["light", "brown", "dark"] = "light"
     """Tone of the skin."""
     bag: Literal["none", "backpack", "shoulder_bag", "case"] = "none"
-    """Bag that is carried."""
+    """Carried bag."""
     bag_colour: ClothColour = "dark"
     """Colour of the bag and of a hat; a hood has the colour of the top."""
     umbrella: ClothColour | None = None
-    """Colour of an umbrella that may be opened in rain; `null` for none."""
+    """Colour of an umbrella for rain; `null` for none."""
     attachment: Literal["none", "pram", "dog", "wheelchair", "pushed_wheelchair"] = "none"
     """Companion in the same box: a pram in front of the person, a dog on a leash at its right, a
-    wheelchair that it sits in, or one with another person that it pushes. Cloth of prams and
-    wheelchairs has the colour of the bag."""
+    wheelchair under it, or one with another person, pushed by it. Cloth of prams and wheelchairs
+    has the colour of the bag."""
 
     @model_validator(mode="after")
     def _check_hands(self) -> Self:
@@ -129,7 +129,7 @@ FreeLicence = Literal["CC0-1.0", "CC-BY-3.0", "CC-BY-3.0-US", "CC-BY-4.0", "CC-B
 class LampPositions(CompactModel):
     """Centres of the left lamps in the body frame, mirrored to the right if y is not 0.
 
-    Positions that are not given are derived from the lamp glasses of the body.
+    Missing positions are derived from the lamp glasses of the body.
     """
 
     low_beam: Point3 | None = None
@@ -176,10 +176,10 @@ class BodyModel(CompactModel):
     sha256: Digest | None = None
     """SHA-256 of the file, which the compiler writes into the spec."""
     up: Literal["y", "z"] = "y"
-    """Axis of the model that points up."""
+    """Upward axis of the model."""
     turn_deg: Degrees = 0
-    """Counter-clockwise rotation about the vertical that turns its front ahead. None is needed if y
-    is up and the front faces along z, as in glTF, or if z is up and it faces along x."""
+    """Counter-clockwise rotation about the vertical, to turn its front ahead. 0 is right if y is up
+    and the front faces along z, as in glTF, or if z is up and it faces along x."""
     materials: dict[str, MaterialPart] = Field(
         default_factory=dict[str, MaterialPart], max_length=1000
     )
@@ -256,8 +256,8 @@ class Blueprint(CompactModel):
     looks: PedestrianAppearance | None = None
     """Appearance of a pedestrian; derived from the blueprint's id if not given."""
     fraction: Annotated[Fraction, Field(gt=0)] | None = None
-    """Fraction of a road's drawn pedestrians, or of its trucks, that are of it; the others are of
-    blueprints without a fraction, as many of each. Staged and recorded ones are never of it."""
+    """Its fraction of a road's drawn pedestrians, or trucks; the others are of blueprints without a
+    fraction, as many of each. Staged and recorded ones are never of it."""
     tows: FifthWheel | None = None
     """Semi-trailer of a tractor unit, which never drives without it."""
     semitrailer: SemiTrailer | None = None
@@ -272,7 +272,7 @@ class Blueprint(CompactModel):
 
     @property
     def person(self) -> PersonShape | None:
-        """Person that its model is, if it is one."""
+        """Person of its model, if it is one."""
         return self.model.person if self.model else None
 
     @property
@@ -290,7 +290,7 @@ class Blueprint(CompactModel):
 
     @property
     def is_usual(self) -> bool:
-        """Whether its class alone decides that it is drawn: it has no fraction and is not towed."""
+        """Whether its class alone decides if it is drawn: it has no fraction and is not towed."""
         return self.fraction is None and self.semitrailer is None
 
     @model_validator(mode="after")

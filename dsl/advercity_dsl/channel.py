@@ -1,7 +1,7 @@
 """V2X channels: messages of connected vehicles and roadside units, and their arrival.
 
 Without `radio`, every message within `range_m` arrives; with it, the link budget of each pair of
-stations decides, along the path that is there in that frame.
+stations decides, along their path in the frame.
 """
 
 from typing import Annotated, Literal, Self
@@ -68,9 +68,9 @@ class Latency(CompactModel):
     """Time from the measurement to reception, without the time in the queue and on the air."""
 
     minimum_s: Annotated[Seconds, Field(ge=0, le=10)] = 0
-    """Time that every message takes."""
+    """Constant part of the delay."""
     jitter_s: Annotated[Seconds, Field(ge=0, le=10)] = 0
-    """Mean of the exponentially distributed time that is added to it."""
+    """Mean of the additional delay, which is exponentially distributed."""
 
 
 class Loss(CompactModel):
@@ -81,22 +81,22 @@ class Loss(CompactModel):
     """
 
     rate: Fraction = 0
-    """Probability that a message is lost in good times."""
+    """Probability of loss outside bursts."""
     burst_fraction: Annotated[Fraction, Field(le=0.99)] = 0
-    """Fraction of the time that is in bursts."""
+    """Fraction of the time in bursts."""
     burst_s: Annotated[Seconds, Field(ge=0.01, le=1000)] = 0.5
     """Mean length of a burst."""
     burst_rate: Fraction = 1
-    """Probability that a message is lost in a burst."""
+    """Probability of loss in a burst."""
 
     @property
     def total_rate(self) -> float:
-        """Fraction of all messages that is lost."""
+        """Fraction of lost messages, over all times."""
         return self.burst_fraction * self.burst_rate + (1 - self.burst_fraction) * self.rate
 
 
 class PoseError(CompactModel):
-    """Errors of the poses that vehicles transmit: white noise and a slow wander in both.
+    """Errors of transmitted poses: white noise and a slow wander in both.
 
     The wander is a first-order Gauss-Markov process, as in `gnss` of rigs.
     """
@@ -138,16 +138,16 @@ class AwarenessMessage(CompactModel):
 
 
 class PerceptionMessage(CompactModel):
-    """Collective perception message (ETSI TR 103 562, TS 103 324): objects that a station senses.
+    """Collective perception message (ETSI TR 103 562, TS 103 324): objects sensed by a station.
 
-    It has the objects that the station annotates, with drawn errors in place of the errors
-    of a detector and tracker.
+    It has the station's annotated objects, with drawn errors in place of the errors of a detector
+    and tracker.
     """
 
     period_s: Period = 0.1
     """Time between messages."""
     min_points: Annotated[int, Field(ge=0, le=1_000_000)] = 5
-    """LiDAR points that an object must return to be perceived."""
+    """Least LiDAR points on a perceived object."""
     max_objects: Annotated[int, Field(ge=1, le=255)] = 128
     """Most objects in a message; the nearest are sent."""
     range_noise_m: Annotated[Metres, Field(ge=0, le=10)] = 0
@@ -167,7 +167,7 @@ class PerceptionMessage(CompactModel):
 
 
 class DataMessage(CompactModel):
-    """Sensor data or features of a network, of a size that the channel has to carry.
+    """Sensor data or network features, as a load of given size on the channel.
 
     The data are not written a second time: a reader finds the sender's files of the frame.
     """
@@ -185,20 +185,20 @@ class Channel(Declaration):
     range_m: Annotated[PositiveMetres, Field(ge=1)] | None = None
     """Distance beyond which messages do not arrive; `null` is none."""
     radio: Radio | None = None
-    """Radio; `null` is a channel that only range, loss and bandwidth limit."""
+    """Radio; `null` is a channel limited only by range, loss and bandwidth."""
     rate_mbit_s: Annotated[MegabitsPerSecond, Field(ge=0.001)] | None = None
     """Data rate of the medium, which all stations share: the messages of a tick follow each other;
     `null` is no limit."""
     latency: Latency = Latency()
-    """Time that messages take."""
+    """Delay of messages."""
     lifetime_s: Annotated[Seconds, Field(ge=0.01, le=10)] = 1
     """Age from which a message is worthless: it is not received any more."""
     loss: Loss = Loss()
     """Loss from other causes than the link budget."""
     pose_error: PoseError = PoseError()
-    """Errors of the poses that are sent."""
+    """Errors of the sent poses."""
     clock: Clock = Clock()
-    """Errors of the times that are sent."""
+    """Errors of the sent times."""
     cam: AwarenessMessage | None = AwarenessMessage()
     """Messages about the sender; `null` is none."""
     cpm: PerceptionMessage | None = PerceptionMessage()
@@ -221,7 +221,7 @@ class Channel(Declaration):
 
     @property
     def periods_s(self) -> dict[str, float]:
-        """Periods of the messages that are sent periodically, by field."""
+        """Periods of the periodic messages, by field."""
         kinds = {"cam": self.cam, "cpm": self.cpm, "data": self.data}
         return {
             name: item.period_s

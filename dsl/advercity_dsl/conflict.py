@@ -48,7 +48,7 @@ ApproachDirection = Literal[
 
 
 Resolver = Literal["actor", "ego", "both", "nobody"]
-"""Who brakes or steers so that no contact occurs; if nobody does, the conflict is a collision."""
+"""Who brakes or steers to avoid contact; if nobody does, the conflict is a collision."""
 
 
 def _is_any(value: object) -> bool:
@@ -60,7 +60,7 @@ def _is_actor(value: object) -> bool:
 
 
 class ResolverFractions(CompactModel):
-    """Fraction of a conflict's scenarios that each party resolves; the sum is 1."""
+    """Fraction of a conflict's scenarios resolved by each party; the sum is 1."""
 
     actor: Fraction = 0
     """The actor alone stops short or steers back; the ego drives on."""
@@ -84,7 +84,7 @@ class OutcomeCriteria(Model):
 
     In a near miss the actor approaches on a collision course: at constant speed it would arrive at
     the conflict point `arrival_offset_s` (a parameter) after the ego, within the tolerance. It then
-    brakes or steers, so that no contact occurs.
+    brakes or steers, and no contact occurs.
     """
 
     kind: Literal["near_miss"] = "near_miss"
@@ -116,7 +116,7 @@ PARAMETER_BOUNDS = {
     "_s": (-60.0, 60.0),
     "_m": (-100.0, 500.0),
 }
-"""Range of a parameter by the unit at the end of its name; the first that fits."""
+"""Range of a parameter by the unit at the end of its name; the first match counts."""
 
 
 class ConflictParameters(Model):
@@ -141,7 +141,7 @@ class ConflictParameters(Model):
     start_lateral_m: ConflictParameter | None = None
     """Lowest distance between the actor's start and the ego's path."""
     obstruction_gap_m: ConflictParameter | None = None
-    """Distance between the actor's path and the vehicle that hides it."""
+    """Distance between the actor's path and the vehicle in front of it, which hides it."""
     encroachment_m: ConflictParameter | None = None
     """Overlap of the actor's body over the centre line."""
     drift_time_s: ConflictParameter | None = None
@@ -149,7 +149,7 @@ class ConflictParameters(Model):
     return_time_s: ConflictParameter | None = None
     """Duration of returning to its lane, or of leaving the ego's path."""
     passed_speed_km_h: ConflictParameter | None = Field(default=None, exclude_if=is_none)
-    """Speed of the cyclist that is overtaken."""
+    """Speed of the overtaken cyclist."""
     passing_gap_m: ConflictParameter | None = Field(default=None, exclude_if=is_none)
     """Distance behind the cyclist at which it leaves its lane, and ahead at which it is back."""
 
@@ -178,7 +178,7 @@ class EgoRole(Model):
 
 
 class ActorRole(Model):
-    """Role of the actor that conflicts with the ego."""
+    """Role of the actor in conflict with the ego."""
 
     classes: Annotated[Items[ActorClass], Field(min_length=1)]
     """Classes from which one is drawn."""
@@ -187,7 +187,7 @@ class ActorRole(Model):
     behaviour: Behaviour = "stops_short"
     """What it does at the conflict point."""
     violates: Literal["signal"] | None = None
-    """Traffic control that it violates, unless it has green together with the ego."""
+    """Traffic control violated by it, unless it has green together with the ego."""
 
 
 class PlaceRequirements(Model):
@@ -202,7 +202,7 @@ class PlaceRequirements(Model):
     kerb_space: Literal["required", "any"] = "any"
     """Room for a parked vehicle next to the lane."""
     ahead: Literal["free", "any"] = Field(default="any", exclude_if=_is_any)
-    """Whether connected vehicles that normally lead the ego must follow it instead."""
+    """Whether connected vehicles normally ahead of the ego must follow it instead."""
 
 
 class Conflict(Declaration):
@@ -210,7 +210,7 @@ class Conflict(Declaration):
 
     kind: Literal["conflict"] = "conflict"
     stages: Annotated[Items[CrashTypeId], Field(min_length=1)]
-    """Crash types that it stages, all of one typology."""
+    """Crash types staged by it, all of one typology."""
     ego: EgoRole
     """Role of the ego."""
     actor: ActorRole
@@ -235,7 +235,7 @@ class Conflict(Declaration):
 
 
 class StagedActor(CompactModel):
-    """An actor that takes part in a conflict with the ego.
+    """An actor in a conflict with the ego.
 
     It drives a route in lanes, or follows a free path over any ground.
     """
@@ -269,22 +269,22 @@ class StagedConflict(Model):
     id: Id
     """Id such as `conflict_1`, numbered in the order of occurrence."""
     conflict: Id
-    """Conflict declaration that it was solved from."""
+    """Source of the solution, a conflict declaration."""
     typology: Id
     stages: Items[CrashTypeId]
     ego: CrashRole
     manoeuvre: Manoeuvre
     """Manoeuvre of the ego."""
     violates: Literal["signal"] | None = Field(default=None, exclude_if=is_none)
-    """Traffic control that the actor violates."""
+    """Traffic control violated by the actor."""
     light: str | None = Field(default=None, exclude_if=is_none)
-    """Light that it violates, `<junction>/<street>`; None on imported roads."""
+    """Violated light, `<junction>/<street>`; None on imported roads."""
     actors: Annotated[Items[StagedActor], Field(min_length=1)]
     """Actors; the first conflicts with the ego."""
     point_m: Point2
     """Point where both paths cross."""
     station_m: PositiveMetres
-    """Distance of that point along the ego's path from its spawn."""
+    """Distance of the conflict point along the ego's path from its spawn."""
     window_s: tuple[Seconds, Seconds]
     """Expected times of an unhindered ego at the point, from the scenario's start."""
     parameters: ByName[Number]

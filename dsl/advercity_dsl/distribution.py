@@ -1,4 +1,4 @@
-"""Distributions that replace a number in a weather or a conflict; each spec holds one draw."""
+"""Distributions in place of numbers of a weather or a conflict; each spec holds one draw."""
 
 from typing import Annotated, Any, Self, cast
 
@@ -30,7 +30,7 @@ class TruncatedNormal(Model):
     sd: Annotated[Number, Field(ge=1e-9)]
     """Standard deviation."""
     within: tuple[Number, Number]
-    """Lowest and highest value that may be drawn."""
+    """Lowest and highest possible draw."""
 
     @model_validator(mode="after")
     def _check_mean(self) -> Self:
@@ -64,7 +64,7 @@ DISTRIBUTIONS: dict[str, type[Distribution]] = {
 
 
 def compute_bounds(draw: float | Distribution) -> tuple[float, float]:
-    """Compute the smallest and the largest value that can be drawn."""
+    """Compute the smallest and the largest possible draw."""
     if isinstance(draw, int | float):
         return float(draw), float(draw)
     if isinstance(draw, Choice):
@@ -90,5 +90,5 @@ NumberOrDistribution = Annotated[
 ]
 """A number, or a distribution to draw it from.
 
-The tag is explicit so that errors name the distribution that the author wrote.
+The tag is explicit: errors name the distribution written by the author.
 """

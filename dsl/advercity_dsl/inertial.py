@@ -27,7 +27,7 @@ class AccelerometerErrors(CompactModel):
     bias_walk_ug_rth: Micro = 0
     """Random walk of the bias, per square root of an hour."""
     turn_on_bias_ug: Micro = 0
-    """Bias that differs from one start to the next."""
+    """Bias, redrawn at every start."""
     bias_ug_per_c: Micro = 0
     """Bias per degree from the temperature of calibration."""
     scale_ppm: Ppm = 0
@@ -50,7 +50,7 @@ class GyroscopeErrors(CompactModel):
     bias_walk_deg_h_rth: DegreesPerHour = 0
     """Random walk of the bias, per square root of an hour."""
     turn_on_bias_deg_h: DegreesPerHour = 0
-    """Bias that differs from one start to the next."""
+    """Bias, redrawn at every start."""
     bias_deg_h_per_c: DegreesPerHour = 0
     """Bias per degree from the temperature of calibration."""
     scale_ppm: Ppm = 0
@@ -87,7 +87,7 @@ class RoadVibration(CompactModel):
     road: Literal["a", "b", "c", "d", "e"] = "b"
     """Class of ISO 8608, from very good to very poor."""
     horizontal_fraction: Fraction = 0.3
-    """Acceleration forward and to the side as a fraction of that upwards."""
+    """Acceleration forward and to the side as a fraction of the upward one."""
 
 
 class Imu(Sampled):
@@ -95,7 +95,7 @@ class Imu(Sampled):
 
     grade: Literal["ideal", "low", "mid", "high", "consumer", "automotive", "tactical"] = "ideal"
     """Quality of the instrument; `ideal` has no errors. `low`, `mid` and `high` have noise and
-    drift alone; `consumer`, `automotive` and `tactical` all that a data sheet lists."""
+    drift alone; `consumer`, `automotive` and `tactical` have all errors of a data sheet."""
     errors: ImuErrors | None = Field(default=None, exclude_if=is_none)
     """Errors of your own instrument, instead of a grade."""
     vibration: RoadVibration | None = Field(default=None, exclude_if=is_none)

@@ -1,4 +1,4 @@
-"""Values that change over time, given at some moments and interpolated in between."""
+"""Values over time, given at some moments and interpolated in between."""
 
 import math
 import operator
@@ -12,7 +12,7 @@ Track = Sequence[tuple[float, Any]]
 
 
 def iterate_written_values(model: Model) -> Iterator[tuple[ValuePath, Any]]:
-    """Yield path and value of what was written of a model, without its defaults."""
+    """Yield path and value of every written field of a model, without its defaults."""
     for name in type(model).model_fields:
         if name not in model.model_fields_set:
             continue

@@ -55,7 +55,7 @@ DECLARATIONS: dict[str, type[Declaration]] = {
 }
 """Model class of each kind of declaration."""
 LANGUAGE_VERSION = 1
-"""Version of the declaration language; raised by a change that breaks existing files."""
+"""Version of the declaration language; raised by changes incompatible with existing files."""
 
 
 def get_declaration_kind(declaration: Declaration) -> str:

@@ -1,8 +1,8 @@
 """Projection of cameras: focal lengths, principal point, and distortion by the lens.
 
-A lens says how far from the principal point a ray ends, by its angle off the axis. Both models and
-the order of their coefficients are OpenCV's: `distCoeffs` of `cv2.projectPoints` is
-(k1, k2, p1, p2, k3), that of `cv2.fisheye.projectPoints` is (k1, k2, k3, k4).
+A lens maps the angle of a ray off the axis to its distance from the principal point. Both models
+and the order of their coefficients are OpenCV's: `distCoeffs` of `cv2.projectPoints` is (k1, k2,
+p1, p2, k3); in `cv2.fisheye.projectPoints` it is (k1, k2, k3, k4).
 """
 
 import math
@@ -14,10 +14,10 @@ from advercity_dsl.base import CompactModel
 from advercity_dsl.units import Number
 
 MAX_OFF_AXIS_DEG = 75.0
-"""Largest angle off the axis that an image may show: one plane is rendered, and its corners would
-otherwise take most of the pixels."""
+"""Largest angle off the axis in an image: one plane is rendered, and its corners would otherwise
+take most of the pixels."""
 MAX_RENDERED_PX = 16_384
-"""Largest side of the plane that is rendered: what graphics cards can draw."""
+"""Largest side of the rendered plane: the limit of graphics cards."""
 SEARCH_STEPS = 1500
 """Angles up to MAX_OFF_AXIS_DEG at which an image's edge is searched."""
 FocalLength = Annotated[Number, Field(gt=0, le=100_000)]
@@ -28,7 +28,7 @@ Coefficient = Annotated[Number, Field(ge=-10, le=10)]
 class Intrinsics(CompactModel):
     """Focal lengths and principal point of a calibrated camera, in pixels of its full image.
 
-    They are those of OpenCV and ROS: the middle of the upper left pixel is (0, 0).
+    As in OpenCV and ROS, the middle of the upper left pixel is (0, 0).
     """
 
     fx_px: FocalLength
@@ -109,12 +109,12 @@ CameraLens = Annotated[BrownConradyLens | KannalaBrandtLens, Field(discriminator
 
 
 def find_edge_angle(lens: CameraLens, corner_radius: float, min_angle_rad: float = 0.0) -> float:
-    """Find the angle off the axis, in radians, within which all rays of an image are.
+    """Find the largest angle off the axis, in radians, of all rays of an image.
 
     Args:
         lens: The lens.
         corner_radius: Distance of the farthest corner from the principal point in focal lengths.
-        min_angle_rad: Angle that the image shows at least.
+        min_angle_rad: Least angle shown by the image.
 
     Raises:
         ValueError: Rays within the image fold back, or it shows more than a plane can.

@@ -1,7 +1,7 @@
-"""LiDARs of rigs, and named models that a library declares for them.
+"""LiDARs of rigs, and their named models in a library.
 
-Without any of `beam`, `receiver`, `elevations_deg`, `prisms` and what else is null or zero by
-default, a LiDAR is the ideal one of the original dataset.
+If all fields with a default of null or zero are left out (`beam`, `receiver`, `elevations_deg`,
+`prisms` and others), a LiDAR is the ideal one of the original dataset.
 """
 
 from typing import Annotated, Literal, Self
@@ -40,7 +40,7 @@ ChannelTable = Literal["uniform", "hdl_32e", "vlp_32c"]
 
 
 class LidarBeam(CompactModel):
-    """Shape of a beam and length of its pulse; the defaults are those of the VLP-32C's manual."""
+    """Shape of a beam and length of its pulse; by default from the VLP-32C's manual."""
 
     horizontal_mrad: Divergence = 3.0
     """Full divergence along the scan."""
@@ -59,34 +59,34 @@ class LidarReceiver(CompactModel):
     """What a receiver detects, as data sheets state it: how far a target of 10 % is detected."""
 
     range_at_10_percent_m: Annotated[PositiveMetres, Field(ge=1, le=1000)] = 80
-    """Range at which a target of 10 % that faces the sensor in clear air is detected."""
+    """Detection range in clear air of a target of 10 % that faces the sensor."""
     detection_probability: Annotated[Fraction, Field(ge=0.5, le=0.999)] = 0.5
     """Probability with which it is detected there."""
     illuminance_lx: Lux = 0
-    """Daylight in which that range holds; by night it is longer."""
+    """Daylight at this range; by night the range is longer."""
     near_field_m: Annotated[Metres, Field(ge=0, le=200)] = 10
-    """Range within which the receiver's gain is reduced, so that near returns grow no further. A
-    longer one suppresses fog, rain and snow, all of which return from near."""
+    """Range within which the receiver's gain is reduced: near returns grow no further. A longer one
+    suppresses fog, rain and snow, all of which return from near."""
     noise_range_error_m: Annotated[Metres, Field(ge=0, le=10)] = 0.75
     """Standard deviation of the range of a return as strong as the noise, for
     `range_noise_model: signal`; it falls with the signal-to-noise ratio."""
     min_range_m: Annotated[Metres, Field(ge=0, le=20)] = 0
     """Range up to which returns are discarded."""
     field_of_view_mrad: Annotated[Milliradians, Field(ge=0, le=500)] = 0
-    """Full angle from which a channel receives. Light that droplets and drops scatter forward,
-    which is half of all that they scatter, stays within it in part; 0 loses all of it."""
+    """Full angle from which a channel receives. Half of the light scattered by droplets and drops
+    goes forward and stays within it in part; 0 loses all of it."""
     stray_light_db: Annotated[Decibels, Field(ge=-90, le=-20)] | None = None
     """Power that a beam 1 deg off a target receives from it, relative to a beam on it; it falls
-    with the square of the angle. What is brighter than white, such as signs, blooms by it."""
+    with the square of the angle. Surfaces brighter than white, such as signs, bloom by it."""
     white_level: Annotated[Count, Field(ge=1, le=254)] | None = None
-    """Level from 0 to 255 that the sensor reports for a diffuse target of 100 %; the levels above
-    are for retroreflectors. `null` reports the reflectance itself, at most 1."""
+    """Reported level, 0 to 255, of a diffuse target of 100 %; the levels above are for
+    retroreflectors. `null` reports the reflectance itself, at most 1."""
     range_step_m: Annotated[Metres, Field(ge=0, le=1)] = 0
     """Step of reported ranges; 0 reports them in full."""
 
 
 class PrismScan(CompactModel):
-    """Two wedge prisms that turn on one axis and deflect all beams (a Risley pair).
+    """Two wedge prisms on one axis, which turn and deflect all beams (a Risley pair).
 
     A beam is off the axis by the sum of two turning vectors. The pattern goes on from scan to scan
     and fills a disc.
@@ -105,12 +105,12 @@ class PrismScan(CompactModel):
 class Lidar(Sampled):
     """A spinning LiDAR with a scan for every frame, each starting straight ahead and turning left.
 
-    The defaults are those of the original dataset: an ideal instrument that scans in an instant,
-    but through the weather. With `azimuth_deg` or `prisms` it looks ahead instead of spinning.
+    The defaults are the original dataset's: an ideal instrument with instant scans, but through the
+    weather. With `azimuth_deg` or `prisms` it looks ahead instead of spinning.
     """
 
     model: Id | None = None
-    """Model of the library whose figures hold for all fields that are not given here."""
+    """Model of the library, with the figures of all fields not given here."""
 
     mount: Mount = Mount()
     """Pose on the carrier."""
@@ -124,10 +124,10 @@ class Lidar(Sampled):
     """Power of every channel relative to the mean, in the order of `elevations_deg`; without
     those, from the lowest up. Reported intensities are calibrated, so it shows in ranges only."""
     prisms: PrismScan | None = None
-    """Prisms that scan ahead, in place of a spinning head."""
+    """Prisms for a scan ahead, in place of a spinning head."""
     azimuth_deg: tuple[Azimuth, Azimuth] | None = Field(default=None, exclude_if=is_none)
-    """First and last azimuth, positive to the left, of a sensor that looks ahead, as [-60, 60]: a
-    scan is `azimuths` columns from the one to the other. `null` is a whole turn."""
+    """First and last azimuth, positive to the left, of a sensor with a limited view ahead, as [-60,
+    60]: a scan is `azimuths` columns from the one to the other. `null` is a whole turn."""
     channels: Annotated[Count, Field(ge=1, le=MAX_CHANNELS)] = 32
     """Number of channels."""
     lower_deg: Elevation = -25
@@ -156,18 +156,18 @@ class Lidar(Sampled):
     range_noise_model: Literal["fixed", "signal"] = "fixed"
     """`signal` adds noise for weak returns: 0.75 m over the signal-to-noise ratio."""
     soft_gain: Annotated[Number, Field(ge=0, le=100)] = 1
-    """Gain on returns from fog, dust and spray; below 1 for receivers that suppress them."""
+    """Gain on returns from fog, dust and spray; below 1 for receivers with suppression."""
     sunlight_noise: Flag = True
     """Whether daylight raises the threshold and the sun blinds beams towards it."""
     dropoff_rate: Fraction = 0
-    """Fraction of rays that are dropped at random."""
+    """Fraction of rays dropped at random."""
     dropoff_intensity_limit: Fraction = 1
     """Intensity below which a return may be lost."""
     dropoff_zero_intensity: Fraction = 0
-    """Probability that a return of zero intensity is lost; lower for stronger ones."""
+    """Probability of loss of a return of zero intensity; lower for stronger ones."""
 
     def count_rays(self, scale: float) -> int:
-        """Count the rays of one scan, whatever the scale of images."""
+        """Count the rays of one scan, at any scale of images."""
         return self.channels * self.azimuths * self.sub_rays
 
     def find_scan_period_s(self, tick_s: float) -> float:

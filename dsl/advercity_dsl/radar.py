@@ -1,4 +1,4 @@
-"""Radars: what is asked of one that measures range, radial velocity and direction."""
+"""Radars: settings of a sensor of range, radial velocity and direction."""
 
 from typing import Annotated, Literal
 
@@ -22,7 +22,7 @@ from advercity_dsl.units import (
 class Radar(Sampled):
     """A 4-D imaging radar at 77 GHz: range, radial velocity, azimuth and elevation.
 
-    Cells are those that it resolves. Without a rate it measures with every frame.
+    Cells are its resolution. Without a rate it measures with every frame.
     """
 
     bandwidth_mhz: Annotated[Megahertz, Field(ge=50, le=4000)] = 375
@@ -42,9 +42,9 @@ class Radar(Sampled):
     elevation_cell_deg: Annotated[Degrees, Field(ge=0.1, le=30)] = 2
     """Vertical cell."""
     rays: Annotated[Count, Field(ge=100, le=1_000_000)] = 60_000
-    """Rays that sample the field of view."""
+    """Rays over the field of view."""
     bounces: Annotated[Count, Field(ge=1, le=3)] = 3
-    """Surfaces that a ray may hit, one after the other."""
+    """Most surfaces hit by a ray, one after the other."""
     transmit_dbm: Annotated[DecibelMilliwatts, Field(ge=-20, le=40)] = 12
     """Transmitted power."""
     noise_figure_db: Annotated[Decibels, Field(ge=0, le=40)] = 12
@@ -52,7 +52,7 @@ class Radar(Sampled):
     detector: Literal["ca", "os"] = "ca"
     """How the noise around a cell is estimated: cell-averaging or ordered-statistic CFAR."""
     threshold_db: Annotated[Decibels, Field(ge=3, le=40)] = 13
-    """Power over the estimated noise that is a detection."""
+    """Detection threshold of the power, over the estimated noise."""
     duty_cycle: Annotated[Fraction, Field(ge=0.01)] = 0.5
     """Fraction of the time in which it transmits, and so disturbs other radars."""
     output: Literal["points", "cube"] = "points"
@@ -61,5 +61,5 @@ class Radar(Sampled):
     """Pose of each radar of this kind."""
 
     def count_rays(self, scale: float) -> int:
-        """Count the rays of one measurement, whatever the scale of images."""
+        """Count the rays of one measurement, at any scale of images."""
         return self.rays

@@ -48,7 +48,7 @@ class SensorSet(Model):
         default_factory=dict, exclude_if=is_empty
     )
     """Cameras of other kinds, each with its own size, field of view and exposure, by name. They are
-    numbered after those of `camera`, in the order in which they are written."""
+    numbered after the cameras of `camera`, in written order."""
     lidar: Lidar
     """The LiDAR."""
     more_lidars: Annotated[ByName[Lidar], Field(max_length=8)] = Field(
@@ -108,7 +108,7 @@ class SensorSet(Model):
 
 
 if not TYPE_CHECKING:
-    # Fields of kinds that other distributions have registered; without any, the class as it is.
+    # Fields of kinds from other distributions; without any, the class as it is.
     _others = {
         kind.name: (kind.model | None, Field(None, exclude_if=is_none, description=kind.title))
         for kind in load_sensor_kinds().found.values()

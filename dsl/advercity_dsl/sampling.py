@@ -9,7 +9,7 @@ from advercity_dsl.units import Hertz, Milliseconds, RangeReason
 
 
 class Sampled(CompactModel):
-    """A sensor that samples at its own rate, or with every frame."""
+    """A sensor with its own sampling rate, or one sample per frame."""
 
     rate_hz: Annotated[Hertz, Field(ge=0.1, le=1000)] | None = None
     """Samples per second, at whole multiples of their period; `null` is one with every frame."""
@@ -18,10 +18,10 @@ class Sampled(CompactModel):
         Field(ge=0, le=10_000),
         RangeReason("a sample follows its trigger within ten seconds"),
     ] = 0
-    """By how much samples are later than that."""
+    """Delay of the samples after these multiples."""
     jitter_ms: Annotated[Milliseconds, Field(ge=0, le=1000)] = 0
     """Standard deviation of their times, which stay in order: at most 0.45 periods either way."""
 
     def count_rays(self, scale: float) -> int:
-        """Count the rays that one such sensor casts in a frame, with images at a scale."""
+        """Count the rays cast by one such sensor in a frame, with images at a scale."""
         return 0

@@ -1,7 +1,7 @@
-"""A kind of sensor: one record with all that the kind brings along.
+"""A kind of sensor: one record with all parts of the kind.
 
 The module of such a record imports only from here and from `base`, `mount`, `sampling` and `units`:
-rigs ask for the record while all else of the language is still being loaded.
+rigs load the record before the rest of the language.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from advercity_dsl.sampling import Sampled
 
 @dataclass(frozen=True)
 class SensorKind:
-    """A kind of sensor that rigs may have.
+    """A kind of sensor for rigs.
 
     Attributes:
         name: Key in a rig; part of the names of files and of random streams.
@@ -22,11 +22,11 @@ class SensorKind:
         model: Model of the key's value, with `mounts` or `mount` unless it is placed as `body`.
         placing: How sensors follow a roadside unit: `aimed` ones turn and tilt with it, `level`
             ones are level and face east, `body` ones have no place and time of their own.
-        files: Names, as `module:attribute`, the `SensorFiles` of `advercity.dataset.sensor_files`
-            that keep its measurements; it is loaded when it is used.
-        driver: Names a `SensorDriver` of `advercity.sensors.stage`, which measures.
-        show: Names a function of `advercity.viewer.shown` that lists what viewers show of a
-            measurement; empty if they show none.
+        files: `module:attribute` of the `SensorFiles` of `advercity.dataset.sensor_files` for its
+            measurements, loaded at the first use.
+        driver: Names its `SensorDriver` of `advercity.sensors.stage`.
+        show: Names a function of `advercity.viewer.shown` to list the parts of a measurement in
+            viewers; empty if they show none.
         not_on_units: Why no roadside unit has one; empty if it may.
     """
 
@@ -47,6 +47,6 @@ class SensorKind:
 
 @cache
 def load_named(reference: str) -> Any:
-    """Load what `module:attribute` names."""
+    """Load the attribute of a module, `module:attribute`."""
     module, _, attribute = reference.partition(":")
     return getattr(import_module(module), attribute)

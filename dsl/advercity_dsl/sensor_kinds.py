@@ -113,21 +113,21 @@ class SensorKinds(NamedTuple):
 def load_sensor_kinds() -> SensorKinds:
     """Load the kinds of this installation."""
     found, broken = dict(CORE_KINDS), dict[str, str]()
-    # By name, since the order in which distributions were installed must not matter. One that
-    # is found on two paths is listed twice.
+    # By name: the order of installation must not matter. A distribution on two paths is listed
+    # twice.
     entries = entry_points(group=ENTRY_POINT_GROUP)
     distributions = {entry.name: entry.dist.name if entry.dist else "" for entry in entries}
     claimed = sorted({(entry.name, entry.value) for entry in entries})
     for name, claims in groupby(claimed, key=itemgetter(0)):
         try:
             found[name] = _load_kind(name, [value for _, value in claims])
-        except Exception as error:  # whatever a module of others raises
+        except Exception as error:  # modules of others may raise anything
             broken[name] = str(error)
     return SensorKinds(found, broken, distributions)
 
 
 def _load_kind(name: str, values: Sequence[str]) -> SensorKind:
-    """Load the one record that claims a name; ValueError if there is none of that name."""
+    """Load the only record of a name; ValueError if there is none, or several claim it."""
     claims = [*(["advercity"] if name in CORE_KINDS else []), *values]
     if len(claims) > 1:
         raise ValueError(f"the name is claimed by {', '.join(claims)}; uninstall all but one")

@@ -40,7 +40,7 @@ class Agent(Model):
 
     @property
     def is_ego(self) -> bool:
-        """Whether it is the connected vehicle that conflicts are staged for."""
+        """Whether it is the connected vehicle with staged conflicts."""
         return self.place.is_ego
 
 
@@ -57,7 +57,7 @@ class ClassDemand(Model):
 
 
 class CrashGroup(Model):
-    """A group of crash types that a scenario stages and its road was selected for."""
+    """A group of crash types staged by a scenario; its road was selected for it."""
 
     typology: Id
     crash_types: Items[str]
@@ -75,14 +75,14 @@ class SpecSeeds(Model):
 
 
 class SweepPoint(Model):
-    """The field and value that a scenario takes from its suite's sweep."""
+    """Field and value of a scenario in its suite's sweep."""
 
     field: FieldPath
     value: Number
 
 
 class Settlement(Model):
-    """Seed and waits that were found by simulation, in place of those that are declared."""
+    """Seed and waits found by simulation, in place of the declared ones."""
 
     traffic: Count
     """Seed of traffic, as of a suite."""
@@ -93,19 +93,19 @@ class Settlement(Model):
 
 
 class Provenance(Model):
-    """Inputs that a spec was compiled from."""
+    """Inputs of a compiled spec."""
 
     compiler: str
     suite: Id
     declarations: Annotated[dict[str, Digest], Field(max_length=1000)]
     """SHA-256 of every declaration used, by `kind/id`."""
     draws: dict[str, Distribution] = Field(default_factory=dict, max_length=1000)
-    """Distributions that numbers of the spec were drawn from, by path of the number."""
+    """Distributions behind the drawn numbers of the spec, by path of the number."""
     sweep: SweepPoint | None = None
     conflict: Id | None = Field(default=None, exclude_if=is_empty)
-    """Conflict that the suite crossed its roads with."""
+    """Conflict crossed with the roads of the suite."""
     repeat: Count | None = Field(default=None, exclude_if=is_empty)
-    """Number of the scenario among those that differ in traffic alone, from 1."""
+    """Number of the scenario among its repeats, which differ in traffic alone, from 1."""
     settled: Settlement | None = Field(default=None, exclude_if=is_empty)
     """Outcome of the search for traffic in which all conflicts happen; None without a search."""
     digest: Digest
@@ -130,7 +130,7 @@ class Spec(Model):
     caution: DriverResponse | None = Field(default=None, exclude_if=is_empty)
     """Response of the drivers to this weather."""
     caution_changes: Items[TimedDriverResponse] = Field(default=(), exclude_if=is_empty)
-    """Their later responses to a weather that changes, in order of time."""
+    """Their later responses to a changing weather, in order of time."""
     reaction: ReactionConditions | None = Field(default=None, exclude_if=is_empty)
     """Conditions of the ego's reaction to staged actors; None where it resolves no conflict."""
     channel: Channel | None = Field(default=None, exclude_if=is_empty)
@@ -139,15 +139,15 @@ class Spec(Model):
     assets: dict[AssetName, Digest] = Field(
         default_factory=dict[AssetName, Digest], exclude_if=is_empty, max_length=10_000
     )
-    """SHA-256 of foreign files that the scenario uses, by `kind/name`: `model/seat_leon` is the
-    converted model of the blueprint, `textures/ez_tree` the photographs of a package."""
+    """SHA-256 of the scenario's foreign files, by `kind/name`: `model/seat_leon` is the converted
+    model of the blueprint, `textures/ez_tree` the photographs of a package."""
     timing: Timing
     seeds: SpecSeeds
     provenance: Provenance
 
     @property
     def ego(self) -> Agent:
-        """The connected vehicle that conflicts are staged for."""
+        """The connected vehicle with staged conflicts."""
         return next(agent for agent in self.agents if agent.is_ego)
 
     @model_validator(mode="after")

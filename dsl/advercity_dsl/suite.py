@@ -64,18 +64,18 @@ MAX_REPEATS = 1000
 
 
 class Selection(Model):
-    """Thresholds that select typologies: a collision partner, fatalities, bad visibility.
+    """Thresholds for typologies: a collision partner, fatalities, bad visibility.
 
     A typology has a collision partner if an external entity is struck or at least
     `vehicles_per_crash` vehicles are involved.
     """
 
     vehicles_per_crash: Annotated[Number, Field(ge=1, le=5)] = 1.5
-    """Lowest mean number of vehicles that implies a collision partner."""
+    """Lowest mean number of vehicles of a typology with a collision partner."""
     fatality_rate_percent: Percent = 0.30
-    """Lowest fatality rate that is selected."""
+    """Lowest selected fatality rate."""
     bad_visibility_percent: Percent = 3
-    """Lowest percentage of crashes in bad visibility that is selected."""
+    """Lowest selected percentage of crashes in bad visibility."""
 
 
 class Coverage(Model):
@@ -180,13 +180,13 @@ class Suite(Declaration):
 
     kind: Literal["suite"] = "suite"
     selection: Selection = Selection()
-    """Rule that selects typologies."""
+    """Rule for the selection of typologies."""
     coverage: Coverage = Coverage()
-    """Rule for the kinds of roads that selected typologies require."""
+    """Rule for the kinds of roads of the selected typologies."""
     roads: IdSelection = "all"
     """Ids, or `all` of the library, which then needs a road of every required kind."""
     weathers: IdSelection = "all"
-    """Ids, or `all` of the library but those that are `optional`."""
+    """Ids, or `all` of the library but the `optional` ones."""
     densities: IdSelection = "all"
     """Ids, or `all` of the library."""
     where: dict[FieldPath, Scalar | Items[Scalar] | ValueRange] = Field(
@@ -196,24 +196,24 @@ class Suite(Declaration):
     sweep: Sweep | None = None
     """Variation of one field over many values."""
     stage: ByName[Items[Id]] = Field(default_factory=dict)
-    """Conflicts that the scenarios of a road stage, by road id, in the order of occurrence."""
+    """Conflicts staged in the scenarios of a road, by road id, in the order of occurrence."""
     staged_at_once: Annotated[Count, Field(ge=1)] | None = Field(default=None, exclude_if=is_none)
     """Highest number of conflicts in one scenario; repeats take turns over the rest of a road's
     list, which all densities stage alike. All of the list where omitted."""
     cross_conflicts: IdSelection = ()
-    """Conflicts that get their own scenarios on every road where they can be staged."""
+    """Conflicts with their own scenarios on every road where they can be staged."""
     standings: Items[ConflictFit] = Field(
         default=("primary",), exclude_if=lambda standings: standings == ("primary",)
     )
-    """How conflicts of `cross_conflicts` must match a road: primary, extension or variant. Those of
-    `stage` may be variants where it is among these."""
+    """How conflicts of `cross_conflicts` must match a road: primary, extension or variant.
+    Conflicts of `stage` may be variants if `variant` is among these."""
     looks: Looks = Field(default="full", exclude_if=lambda looks: looks == "full")
     """Whether bodies are models and surfaces photographs of asset packages, which a run then needs
     (`full`), or both are generated (`shaped`)."""
     default: Flag = False
     """Whether this suite is compiled if none is named."""
     rig: Id
-    """Sensors of all agents that `agents` does not name."""
+    """Sensors of all agents without an entry in `agents`."""
     agents: ByName[Id] = Field(default_factory=dict, exclude_if=is_empty)
     """Rigs of single agents, by the agent's id: `{cav1: nuscenes_like, rsu1: roadside}`."""
     channel: Id | None = Field(default=None, exclude_if=is_none)
@@ -230,9 +230,9 @@ class Suite(Declaration):
     pairing: Literal["weather", "none"] = Field(
         default="weather", exclude_if=lambda pairing: pairing == "weather"
     )
-    """Whether the ego reacts to staged actors as it would in `reaction_weather`, so that all
-    weathers share the traffic and the noise of sensors (`weather`), or as in the weather of each
-    scenario, which has seeds of its own (`none`)."""
+    """Reaction of the ego to staged actors: as in `reaction_weather`, with the traffic and the
+    noise of sensors shared by all weathers (`weather`), or as in the weather of each scenario, with
+    its own seeds (`none`)."""
     reaction_weather: Id | None = Field(default=None, exclude_if=is_none)
     """Weather whose friction and visibility the ego reacts with; without it, a dry road in clear
     air."""

@@ -21,10 +21,10 @@ _HINT = "write e.g. 2024-11-22T16:30"
 
 
 class TimeError(ValueError):
-    """A text that gives no instant.
+    """A text without a valid instant.
 
     Attributes:
-        message: What is wrong.
+        message: The error.
         hint: How to correct it.
     """
 

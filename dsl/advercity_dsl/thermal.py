@@ -20,7 +20,7 @@ class ThermalCamera(Sampled):
     height_px: Annotated[Count, Field(ge=16, le=2048)] = 512
     """Image height."""
     horizontal_fov_deg: Annotated[Degrees, Field(gt=2, lt=150)] = 50
-    """Angle that the width of the image spans; the camera is a pinhole."""
+    """Horizontal angle of view; the camera is a pinhole."""
     netd_mk: Annotated[Millikelvins, Field(ge=0, le=1000)] = 50
     """Noise of a pixel from image to image, as a difference of temperature at 300 K."""
     fixed_pattern_mk: Annotated[Millikelvins, Field(ge=0, le=1000)] = 25

@@ -99,11 +99,11 @@ class VisibilityStep(ResponseStep):
 
 DEFAULT_ICE_FRICTION = 0.1
 """Usual for bare ice in reconstructions (SAE 960959); 0.09 was measured at -6 degC (SAE 960652).
-Omitted from JSON, so that earlier specs stay as they are."""
+Omitted from JSON, to keep earlier specs unchanged."""
 
 
 class TyreFriction(Model):
-    """Friction between tyres and road, and the fraction of it that drivers use."""
+    """Friction between tyres and road, and the fraction of it used by drivers."""
 
     dry: FrictionCoefficient
     """Coefficient of friction on a dry road."""
@@ -114,9 +114,9 @@ class TyreFriction(Model):
     ice: FrictionCoefficient = Field(
         default=DEFAULT_ICE_FRICTION, exclude_if=lambda value: value == DEFAULT_ICE_FRICTION
     )
-    """Coefficient on clear ice; averaged with the rest by the part that `surface.ice_mm` covers."""
+    """Coefficient on clear ice; averaged with the rest by the part covered by `surface.ice_mm`."""
     used_share: Annotated[Fraction, Field(gt=0)]
-    """Fraction of it that drivers use to accelerate, brake and corner, except in an emergency."""
+    """Fraction of it used to accelerate, brake and corner, except in an emergency."""
     source: str = ""
     """Source of the figures."""
     evidence: Evidence = "D"
@@ -140,11 +140,11 @@ class Drivers(Declaration):
     visibility: Items[VisibilityStep] = ()
     """Steps by visibility, the farthest first."""
     grip: TyreFriction
-    """Friction that limits acceleration."""
+    """Friction, which limits acceleration."""
 
     @model_validator(mode="after")
     def _check_tables(self) -> Self:
-        # Interpolation needs intensities that rise; falling visibility is a rising effect.
+        # Interpolation needs rising intensities; falling visibility is a rising effect.
         _check_table_order("rain", [step.rate_mm_h for step in self.rain])
         _check_table_order("snowfall", [step.rate_mm_h for step in self.snowfall])
         _check_table_order("snow_cover", [step.road_coverage for step in self.snow_cover])
@@ -165,7 +165,7 @@ class DriverResponse(Model):
     """Response of drivers to the weather of one scenario."""
 
     speed_share: Annotated[Number, Field(gt=0, le=1)]
-    """Speed as a fraction of that in clear weather."""
+    """Speed as a fraction of the speed in clear weather."""
     headway_s: Annotated[Seconds, Field(ge=0, le=10)]
     """Additional time headway to the vehicle ahead."""
     usual_m_s2: Annotated[Number, Field(gt=0, le=20)]
@@ -175,10 +175,10 @@ class DriverResponse(Model):
 
 
 class ReactionConditions(Model):
-    """What the ego reacts to a staged actor with: how far it sees, and what its tyres hold."""
+    """Sight and grip with which the ego reacts to a staged actor."""
 
     is_paired: Flag = False
-    """Whether they are the same in all weathers of a suite, instead of those of the scenario's."""
+    """Whether they are the same in all weathers of a suite, in place of each scenario's own."""
     visibility_m: PositiveMetres | None = None
     """Distance at which it sees the actor; None is unlimited."""
     friction: FrictionCoefficient

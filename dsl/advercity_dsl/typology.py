@@ -1,4 +1,4 @@
-"""Pre-crash typologies: groups of crash types with the statistics that select them."""
+"""Pre-crash typologies: groups of crash types with the statistics to select them by."""
 
 from typing import Annotated, Literal
 
@@ -38,7 +38,7 @@ class CrashType(Model):
     definition: str = ""
     """Definition in a sentence."""
     derived_from: Items[CrashTypeId] = ()
-    """Crash types of the earlier edition that it replaces, in whole or in part."""
+    """Crash types of the earlier edition replaced by it, in whole or in part."""
 
 
 class EarlierCrashType(Model):
@@ -100,7 +100,7 @@ class RoadStatistics(Model):
 
 
 class Typology(Declaration):
-    """A group of crash types that share statistics."""
+    """A group of crash types with shared statistics."""
 
     kind: Literal["typology"] = "typology"
     crash_types: Annotated[Items[CrashType], Field(min_length=1)]
@@ -110,4 +110,4 @@ class Typology(Declaration):
     statistics: Statistics | None = None
     """Figures by which suites select groups."""
     roads: RoadStatistics | None = None
-    """Figures that decide which roads the group requires; without them, none."""
+    """Figures for the choice of the group's roads; without them, none are required."""

@@ -58,9 +58,9 @@ UNITS: dict[str, tuple[str, float]] = {
     "%": ("fraction", 0.01),
     "1": ("fraction", 1.0),
 }
-"""Dimension of each unit, and its size relative to the unit of size 1 in that dimension."""
+"""Dimension of each unit, and its size in the dimension's unit of size 1."""
 ZEROES = {"degF": 32.0}
-"""Readings of units whose zero is not that of their dimension's unit of size 1."""
+"""Readings at the zero of the dimension's unit of size 1, for units with another zero."""
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _QUANTITY = re.compile(rf"^\s*({_NUMBER}|inf)\s*(\S.*?)?\s*$")
 
@@ -139,7 +139,7 @@ class RangeReason:
 
     Attributes:
         text: The reason.
-        upper: Upper bound that it explains; it does not explain those of fields that narrow it.
+        upper: Upper bound explained by it; narrower bounds of fields have no explanation here.
     """
 
     text: str
@@ -153,7 +153,7 @@ Count = Annotated[int, Strict(), Field(ge=0, le=2**32 - 1)]
 Flag = Annotated[bool, Strict()]
 """`true` or `false`, nothing else."""
 
-# Bounds of what a quantity can be at all; fields narrow them further.
+# Physical bounds of each quantity; fields narrow them further.
 Metres = Annotated[
     _Number,
     Unit("m"),

@@ -13,15 +13,15 @@ ego's; `same` as the ego's; or a street."""
 
 
 class ArmVehicle(Model):
-    """A connected vehicle that comes to a junction along one of its arms."""
+    """A connected vehicle, placed on an arm of a junction."""
 
     kind: Literal["vehicle"] = "vehicle"
     """A connected vehicle."""
     role: Literal["ego", "other"] = "other"
     """Role of the vehicle; each road has one ego."""
     arm: Arm | None = None
-    """Arm that it comes from; by default the busiest, for the ego one from which a crossed conflict
-    can be staged."""
+    """Arm of its approach; by default the busiest, for the ego one where a crossed conflict can be
+    staged."""
     turn: Literal["straight", "left", "right"] | None = None
     """Where it goes; by default straight on if it can. A conflict decides where the ego goes."""
     start_m: PositiveMetres = 80

@@ -92,11 +92,11 @@ class Vehicle(Model):
     )
     """Time for which it waits at its start before it sets out."""
     track: TrackId | None = Field(default=None, exclude_if=is_none)
-    """Track of the road's `trajectories` that it follows."""
+    """Its track in the road's `trajectories`."""
 
     @property
     def is_ego(self) -> bool:
-        """Whether it is the vehicle that conflicts are staged for."""
+        """Whether it is the vehicle with staged conflicts."""
         return self.role == "ego"
 
 
@@ -155,7 +155,7 @@ class BackgroundDemand(Model):
     walkers: Annotated[Count, Field(ge=0, le=2000)]
     """Number of pedestrians."""
     crossing_share: Fraction = 0.0
-    """Fraction of pedestrians that cross streets."""
+    """Fraction of pedestrians who cross streets."""
     around_agent_m: Annotated[PositiveMetres, Field(le=10_000)]
     """Half the side of the square around an agent."""
     around_path_m: Annotated[PositiveMetres, Field(le=10_000)]
@@ -188,13 +188,13 @@ class DeclaredStreets:
         return section.right if right else section.left
 
     def count_lanes(self, street: Id, *, along: bool) -> int:
-        """Count the lanes that are travelled along a street's axis, or against it."""
+        """Count the lanes for travel along a street's axis, or against it."""
         strips = self.get_strips(street, right=along != self.is_left_hand)
         return sum(strip.kind is StripKind.LANE for strip in strips)
 
 
 def check_street(network: DeclaredStreets, name: Id) -> None:
-    """Check that a street has a known cross-section and two different ends."""
+    """Check the cross-section of a street and its two different ends."""
     street = network.streets[name]
     _require_name(street.section, network.sections, ("streets", name, "section"))
     if street.begins == street.ends:
@@ -203,7 +203,7 @@ def check_street(network: DeclaredStreets, name: Id) -> None:
 
 
 def check_junction(network: DeclaredStreets, name: Id, junction: Junction) -> None:
-    """Check that a junction refers to streets that meet at it, and to lanes that they have."""
+    """Check the streets and lanes to which a junction refers."""
     value_path = ("junctions", name)
     meeting = [key for key, item in network.streets.items() if name in (item.begins, item.ends)]
     if not meeting:
@@ -228,7 +228,7 @@ def check_junction(network: DeclaredStreets, name: Id, junction: Junction) -> No
 def _check_cycle(
     network: DeclaredStreets, name: Id, junction: Junction, meeting: Collection[Id]
 ) -> None:
-    """Check that every street from which traffic enters a junction has a green phase."""
+    """Check that every street with traffic into a junction has a green phase."""
     if junction.movements == "all":
         entering = [
             street
@@ -247,13 +247,13 @@ def _check_cycle(
 
 
 def check_route(network: DeclaredStreets, name: Id, vehicle: Vehicle) -> None:
-    """Check that the streets of a vehicle's route exist."""
+    """Check the streets of a vehicle's route."""
     for street in vehicle.route if not network.imported else ():
         _require_name(street, network.streets, ("agents", name, "route"))
 
 
 def check_surrounding(network: DeclaredStreets, index: int, item: Surrounding) -> None:
-    """Check that an object along a street refers to one, and parked cars to one with parking."""
+    """Check the street of an object along one, and the parking strip of parked cars."""
     if item.beside is None or network.imported:
         return
     value_path, street = ("surroundings", index, "beside"), item.beside.street
@@ -366,13 +366,13 @@ class Road(Declaration):
     )
     """Alternative routes of the ego, by its manoeuvre at the junction."""
     trajectories: TrajectorySet | TrajectoryFile | None = Field(default=None, exclude_if=is_none)
-    """Recorded trajectories that all actors follow, instead of simulated traffic."""
+    """Recorded trajectories for all actors, in place of simulated traffic."""
     traffic: BackgroundDemand
     """Demand of background traffic."""
 
     @property
     def ego(self) -> Vehicle:
-        """The vehicle that conflicts are staged for."""
+        """The vehicle with staged conflicts."""
         return next(
             agent for agent in self.agents.values() if isinstance(agent, Vehicle) and agent.is_ego
         )
@@ -385,7 +385,7 @@ class Road(Declaration):
 
     @property
     def left_out(self) -> Items[LeftOut]:
-        """Parts of its map and its recording that are not taken over."""
+        """Omitted parts of its map and its recording."""
         sources = (self.imported, self.trajectories)
         return tuple(
             part

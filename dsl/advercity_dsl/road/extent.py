@@ -15,14 +15,14 @@ LocatedPoint = tuple[ValuePath, Point2]
 
 
 def check_extent(points: Iterable[LocatedPoint]) -> None:
-    """Check that the places of a site are close enough to each other; InvalidCombination if not."""
+    """Check the extent of a site; InvalidCombination if places are too far apart."""
     located = list(points)
     for axis, name in ((0, "east to west"), (1, "north to south")):
         ordered = sorted(located, key=lambda item: item[1][axis])
         if not ordered or ordered[-1][1][axis] - ordered[0][1][axis] <= MAX_SITE_M:
             continue
         middle = ordered[len(ordered) // 2][1][axis]
-        # The point that lies apart from most others is the one to look at.
+        # The point apart from most others is the likely error.
         apart = max((ordered[0], ordered[-1]), key=lambda item: abs(item[1][axis] - middle))
         distance_m = ordered[-1][1][axis] - ordered[0][1][axis]
         message = f"makes the site {distance_m:.0f} m wide from {name}"
@@ -55,7 +55,7 @@ def _compute_length(street: Street) -> float:
 
 
 def iterate_street_points(name: str, street: Street) -> Iterator[LocatedPoint]:
-    """Yield the points of a street that are given in coordinates."""
+    """Yield the points of a street with coordinates."""
     yield ("streets", name, "start_m"), street.start_m
     for index, piece in enumerate(street.path):
         if not isinstance(piece, AxisLine | AxisArc):
@@ -63,7 +63,7 @@ def iterate_street_points(name: str, street: Street) -> Iterator[LocatedPoint]:
 
 
 def iterate_surrounding_points(index: int, item: Surrounding) -> Iterator[LocatedPoint]:
-    """Yield the points of the surroundings that are given in coordinates."""
+    """Yield the points of the surroundings with coordinates."""
     for field in ("area_m", "line_m", "at_m"):
         points: tuple[Point2, ...] = getattr(item, field) or ()
         yield from ((("surroundings", index, field), point) for point in points)

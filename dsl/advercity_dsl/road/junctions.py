@@ -19,13 +19,13 @@ from advercity_dsl.base import (
 from advercity_dsl.units import Point2, Point3, PositiveMetres, RangeReason, Seconds
 
 LaneText = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.\d$")]
-"""`north_road.1`: the innermost lane of a street, on the side that the context implies."""
+"""`north_road.1`: the innermost lane of a street, on the side implied by the context."""
 
 
 MovementText = Annotated[
     str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*\.\d > [a-z][a-z0-9_]*\.\d$")
 ]
-"""`north_road.1 > east_road.1`: from the innermost lane of one street into that of another."""
+"""`north_road.1 > east_road.1`: from the innermost lane of one street into another's."""
 
 
 Movements = Annotated[
@@ -83,7 +83,7 @@ Approaches = Annotated[
     Annotated[Id, Tag("alone")] | Annotated[Items[Id], Tag("together")],
     Discriminator(_find_phase_tag),
 ]
-"""A street, or streets that have green together: their left turns give way to oncoming traffic."""
+"""A street, or streets with green together: their left turns give way to oncoming traffic."""
 
 
 class Signals(Model):
@@ -98,7 +98,7 @@ class Signals(Model):
     all_red_s: PhaseSeconds = 2
     """Duration of the all-red phase."""
     elapsed_s: PhaseSeconds = 0
-    """Time of the first green phase that has passed when the scenario starts."""
+    """Time since the start of the first green phase when the scenario starts."""
     heads: Items[SignalHead] = ()
     """Visible traffic lights."""
 
@@ -109,12 +109,12 @@ class Signals(Model):
 
 
 class Crossing(Model):
-    """A zebra crossing over a street, at the end that meets the junction."""
+    """A zebra crossing over a street, at its end at the junction."""
 
     street: Id
-    """Street that it crosses."""
+    """Crossed street."""
     width_m: Annotated[PositiveMetres, Field(ge=0.5, le=60)] = 3.0
-    """Width along that street."""
+    """Width along the street."""
 
 
 class Sign(Model):
@@ -129,7 +129,7 @@ class Sign(Model):
 
 
 class Junction(CompactModel):
-    """A junction of streets, with the movements that it allows."""
+    """A junction of streets, with its permitted movements."""
 
     control: Literal["signals", "priority", "stop", "yield", "none"] = "none"
     """Rule of right of way."""

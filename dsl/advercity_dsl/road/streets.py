@@ -112,7 +112,7 @@ class AxisHeight(Model):
     at_m: Annotated[Metres, Field(ge=0, le=100_000)]
     """Distance along the axis."""
     z_m: Annotated[Metres, Field(ge=-500, le=9000), RangeReason("no road is lower or higher")]
-    """Height at that distance."""
+    """Height at the distance."""
 
 
 class Street(CompactModel):
@@ -170,7 +170,7 @@ class MapFile(Model):
 
 
 class LeftOut(Model):
-    """Parts of a map or recording that are not taken over."""
+    """Omitted parts of a map or recording."""
 
     name: Annotated[str, StringConstraints(min_length=1, max_length=200)]
     """Name of the parts."""
@@ -183,20 +183,20 @@ class LeftOut(Model):
 
 
 class MapPlace(Model):
-    """Where on the globe (WGS84) the world's origin is, by the projection that a map declares."""
+    """Place of the world's origin on the globe (WGS84), by the map's projection."""
 
     latitude_deg: Annotated[Degrees, Field(ge=-89, le=89)]
     """Geodetic latitude."""
     longitude_deg: Annotated[Degrees, Field(ge=-180, le=180)]
     """Longitude."""
     altitude_m: Annotated[Metres, Field(ge=-500, le=9000)]
-    """Height that the map gives its origin."""
+    """Height of the origin, from the map."""
     convergence_deg: Annotated[Degrees, Field(ge=-180, le=180)]
     """Bearing of the map's north, clockwise from true north."""
 
 
 class MapNetwork(Model):
-    """The network that the compiler builds from a map; a spec needs no other file."""
+    """The network compiled from a map; a spec needs no other file."""
 
     source: MapSource
     """Format of the map."""
@@ -207,9 +207,9 @@ class MapNetwork(Model):
     offset_m: Point2 = Field(default=(0.0, 0.0), exclude_if=lambda offset_m: offset_m == (0.0, 0.0))
     """Coordinates [east, north] in the map of the world frame's origin."""
     place: MapPlace | None = Field(default=None, exclude_if=is_none)
-    """Place of the world's origin, if the map has a projection that is known."""
+    """Place of the world's origin, if the map has a known projection."""
     driving_side: DrivingSide = Field(default="right", exclude_if=lambda side: side == "right")
     """Side of the road on which traffic drives; the network of a left-hand map is mirrored at the x
     axis, into a right-hand one."""
     left_out: Items[LeftOut] = Field(default=(), exclude_if=is_empty)
-    """Parts of the map that are not taken over."""
+    """Omitted parts of the map."""

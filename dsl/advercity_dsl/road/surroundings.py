@@ -194,12 +194,12 @@ BuildingUse = Literal["residential", "commercial", "industrial"]
 class Surrounding(Model):
     """Objects of one kind along a street, in an area, along a line, or at points.
 
-    Of buildings, fields, woods and water the line is an outline; such buildings are one building.
-    A plateau is ground raised by `height_m` within its outline `line_m`; it meets the streets that
-    climb to it and drops steeply elsewhere. Parked cars occupy the parking strip of their street. A
-    speed sign, as any sign, is at `from_m` and faces the traffic on its side. A driveway is a paved
-    band across the sidewalk; paving is slabs from the sidewalk to the buildings. A skyline is a
-    town that is seen from afar.
+    For buildings, fields, woods and water the line is an outline; outlined buildings are one
+    building. A plateau is ground raised by `height_m` within its outline `line_m`; it meets the
+    streets up to it and drops steeply elsewhere. Parked cars occupy the parking strip of their
+    street. A speed sign, as any sign, is at `from_m` and faces the traffic on its side. A driveway
+    is a paved band across the sidewalk; paving is slabs from the sidewalk to the buildings. A
+    skyline is a town in the distance.
     """
 
     kind: SurroundingKind

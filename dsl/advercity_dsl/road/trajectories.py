@@ -1,4 +1,4 @@
-"""Recorded trajectories that the actors of a road follow, instead of simulated traffic."""
+"""Recorded trajectories for the actors of a road, in place of simulated traffic."""
 
 from typing import Annotated, Self
 
@@ -19,7 +19,7 @@ class _RecordedSpan(Model):
     to_s: RecordedTime
     """Time of the recording after which no frame is taken."""
     left_out: Items[LeftOut] = Field(default=(), exclude_if=is_empty)
-    """Parts of the recording that are not taken over."""
+    """Omitted parts of the recording."""
 
     @model_validator(mode="after")
     def _check_span(self) -> Self:
@@ -39,7 +39,7 @@ class TrajectoryFile(_RecordedSpan):
 
 
 class TrajectorySet(_RecordedSpan):
-    """The trajectories that the compiler takes from a table; a spec needs no other file."""
+    """The trajectories compiled from a table; a spec needs no other file."""
 
     sha256: Digest
     """SHA-256 of the table's file."""
