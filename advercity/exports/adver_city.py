@@ -2,8 +2,8 @@
 
     scenarios/<scenario>/summary.yaml
 
-That program takes the folder `scenarios`, which holds nothing else. Its own `generate_summary.py`
-writes the same of a dataset in its layout, whose third folder it takes for the ego's.
+The program takes the folder `scenarios`, which holds nothing else. Its own `generate_summary.py`
+writes the same for a dataset in its layout, whose third folder it takes for the ego's.
 """
 
 from typing import Any
@@ -35,7 +35,7 @@ def _write_summary(scenario: Scenario, files: PieceFiles) -> None:
 
 
 def _summarise_frame(frame: FrameView) -> dict[Any, Any]:
-    """Summarise a frame: speeds in km/h, and objects other than agents; those by id."""
+    """Summarise a frame: speeds in km/h, and by id the objects other than agents."""
     views = sorted(frame.views.values(), key=lambda view: not view.is_ego)
     found = [view.description["vehicles"] | view.description["walkers"] for view in views]
     objects = {number: item for described in reversed(found) for number, item in described.items()}

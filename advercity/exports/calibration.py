@@ -1,7 +1,7 @@
 """Calibration of cameras in the forms of OpenCV and Kalibr.
 
     <scenario>/<agent>/camera0.yaml     for cv2.FileStorage, and camera_info_manager of ROS
-    <scenario>/<agent>/camchain.yaml    of all cameras of the agent, for Kalibr and what reads it
+    <scenario>/<agent>/camchain.yaml    of all cameras of the agent, for Kalibr and its readers
 
 In both, the middle of the upper left pixel is (0, 0), half a pixel from its corner, which is (0, 0)
 in the dataset. Cameras have optical axes: x right, y down, z ahead; carriers x forward, y left, z

@@ -1,13 +1,13 @@
-"""COCO: boxes and instance masks of what every camera shows, and panoptic images.
+"""COCO: boxes and instance masks of the objects in every image, and panoptic images.
 
     images/<scenario>/<agent>/000060_camera0.png          the images as they are
     panoptic/<scenario>/<agent>/000060_camera0.png        ids of segments: R + 256 G + 256² B
     annotations/instances.json                            boxes and masks
-    annotations/panoptic.json                             what the segments are
+    annotations/panoptic.json                             categories of the segments
 
 Boxes enclose the visible pixels. As in COCO, a rider is a person of its own, and the box of a
-two-wheeler holds the machine alone. That, masks and panoptic images need images of actors' ids,
-which a rig asks for with `truth: [instance]`; without them there are boxes alone, around both.
+two-wheeler holds the machine alone. Such boxes, masks and panoptic images need images of actors'
+ids, which a rig asks for with `truth: [instance]`; without them there are boxes alone, around both.
 A tractor unit and its semi-trailer are one truck, as in COCO and Cityscapes.
 """
 
@@ -47,8 +47,8 @@ CATEGORIES = {
     "motorcycle": (4, "motorcycle", "vehicle"),
     "truck": (8, "truck", "vehicle"),
 }
-"""COCO's id, name and group by class, so that detectors trained on COCO can be evaluated as they
-are. COCO has no vans."""
+"""COCO's id, name and group by class: detectors trained on COCO can be evaluated unchanged. COCO
+has no vans."""
 RIDDEN_CLASSES = frozenset({"bicycle", "motorcycle"})
 FIRST_STUFF_CATEGORY = 200
 """Category of semantic tag 0 in panoptic images; COCO's own end below."""
@@ -106,7 +106,7 @@ class Shot:
     Attributes:
         id: Number of the image, from 1.
         frame: The frame.
-        view: What the agent recorded.
+        view: The data of the agent.
         camera: Number of the camera.
     """
 
@@ -157,7 +157,7 @@ def _read_segments(shot: Shot) -> NDArray[np.int32]:
 
 
 def _read_instance(shot: Shot) -> NDArray[np.int32]:
-    """Read the ids (h, w) of actors, in which a semi-trailer has that of its tractor unit."""
+    """Read the ids (h, w) of actors, with the tractor unit's id for its semi-trailer."""
     instance = shot.view.instance(shot.camera).copy()
     for name, described in shot.view.extras["objects"].items():
         if "towed_by" in described:
@@ -197,7 +197,7 @@ def _write_instances(dataset: Dataset, files: PieceFiles) -> None:
 
 
 def _write_panoptic(dataset: Dataset, files: PieceFiles) -> None:
-    """Write what the segments of the panoptic images are."""
+    """Write the segments of the panoptic images."""
     things = [{**thing, "isthing": 1} for thing in _list_things()]
     stuff: list[Json] = [
         {
@@ -289,10 +289,10 @@ def _measure_images(scenario: Scenario) -> dict[tuple[str, int], tuple[int, int]
 
 
 def _describe_objects(shot: Shot) -> Iterator[Json]:
-    """Describe what is visible of objects: box, area, mask; and what evaluations leave out.
+    """Describe the visible parts of objects: box, area and mask; mark crowds.
 
-    Actors that the agent does not annotate, since no beam of its LiDARs hits them, are crowds:
-    detecting them is no error, and missing them neither.
+    Actors not annotated by the agent, since no beam of its LiDARs hits them, are crowds:
+    evaluations neither count their detection as an error nor miss them.
     """
     segments = _read_segments(shot) if shot.has_masks else None
     annotated: set[int] = set()
@@ -318,9 +318,9 @@ def _describe_objects(shot: Shot) -> Iterator[Json]:
 
 
 def _join_views(seen: Sequence[Json]) -> Json:
-    """Join what an image shows of one object, or of a tractor unit and its semi-trailer.
+    """Join the views of one object, or of a tractor unit and its semi-trailer.
 
-    Their outlines add up: they overlap little, and one that is hidden altogether is left out.
+    Their outlines add up: they overlap little, and a completely hidden one is left out.
     """
     if len(seen) == 1:
         return seen[0]
@@ -345,7 +345,7 @@ def _join_views(seen: Sequence[Json]) -> Json:
 def _outline_parts(
     number: int, actor_class: str, shown: Json, segments: NDArray[np.int32] | None
 ) -> Iterator[tuple[str, Json]]:
-    """Outline what is visible of an object, and of its rider: box, area and mask by class."""
+    """Outline the visible part of an object, and of its rider: box, area, mask by class."""
     if segments is None:
         left, top, right, bottom = shown["visible_box"]
         box = [left, top, right - left, bottom - top]

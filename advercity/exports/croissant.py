@@ -1,6 +1,6 @@
 """Metadata of a dataset: Croissant (MLCommons, JSON-LD), tables of frames and objects, and a card.
 
-croissant.json   what the tables hold, with checksums and types of their columns
+croissant.json   description of the tables, with checksums and types of their columns
 frames.csv       a row for every frame of every agent: files, pose, weather, number of objects
 objects.csv      a row for every annotated object of every agent in every frame
 README.md        the card: licence, attribution, weather, counts, how to make the data again
@@ -235,7 +235,7 @@ def _find_date(dataset: Dataset) -> str:
 
 
 def _format_card(dataset: Dataset, counts: dict[str, Counter[str]]) -> str:
-    """Format the card, with the front matter that model hubs read."""
+    """Format the card, with the front matter read by model hubs."""
     classes = sorted({name for found in counts.values() for name in found})
     scenarios = [
         f"| {one.path.name} | {one.spec.road.id} | {one.spec.density.id} | {len(one)} |"
@@ -308,7 +308,7 @@ def _format_recipe(scenario: Scenario) -> str:
 
 
 def _list_attributions(dataset: Dataset) -> Iterator[str]:
-    """List what images of the scenarios show of others, each text once."""
+    """List the attributions of third-party content in images, each text once."""
     texts = (format_attribution(one.spec, one.manifest.identity) for one in dataset.scenarios)
     for text in dict.fromkeys(filter(None, texts)):
         yield text.replace("# Attribution", "## Attribution", 1)

@@ -1,4 +1,4 @@
-"""The folder of an export, in which a piece is whole or absent, whatever cuts the export short."""
+"""The folder of an export; a piece in it is whole or absent, whatever interrupts the export."""
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -76,11 +76,11 @@ class ExportFolder:
 
     Args:
         path: The folder.
-        manifest: What is exported, without files.
-        fresh: Remove what exports have written there and start over.
+        manifest: The manifest of the export, without files.
+        fresh: Remove files of earlier exports and start over.
 
     Raises:
-        InputError: The folder is none that an export has written.
+        InputError: The folder was not written by an export.
         RunError: It has another export, another process is writing it, or the disk refuses.
     """
 
@@ -123,7 +123,7 @@ class ExportFolder:
         return self
 
     def start(self, pieces: Iterable[Piece], edited: Mapping[str, str]) -> None:
-        """Find the pieces that are done, and remove those that the dataset no longer gives.
+        """Find the finished pieces, and remove pieces no longer given by the dataset.
 
         Args:
             pieces: All pieces of the export.
@@ -165,7 +165,7 @@ class ExportFolder:
         Args:
             piece: The piece.
             on_frame: Called for each frame of it.
-            check_inputs: Raises an error if what the piece was made from is no longer the same.
+            check_inputs: Raises an error if the inputs of the piece have changed.
 
         Raises:
             InputError: A file of the dataset is missing or damaged; the piece is absent then.
@@ -183,7 +183,7 @@ class ExportFolder:
             assert self._files.keys().isdisjoint(records), f"{piece.name}: a file of another piece"
             self._check_no_links(records)
             self._check_places(records)
-            # Whatever cuts the moving short, the next export knows which files are this one's.
+            # Whatever interrupts the moves, the next export knows this one's files.
             self._is_moving = True
             journal = self._append_to_journal(piece, records, moved=False)
             sync_files([*(partial / path for path in records), journal, journal.parent])
@@ -210,7 +210,7 @@ class ExportFolder:
         return path
 
     def _adopt(self, former: ExportManifest, entries: list[_JournalEntry]) -> None:
-        """Keep what is whole and still wanted, and remove the other files of former exports."""
+        """Keep whole pieces still wanted, and remove the other files of former exports."""
         pieces, records = _merge(former, entries)
         unmoved = {path: record for entry in entries for path, record in entry.files.items()}
         self._check_no_links({**unmoved, **records})
@@ -245,7 +245,7 @@ class ExportFolder:
             return False
 
     def _remove_empty_folders(self, paths: Iterable[str]) -> None:
-        for folder in sorted(_list_folders(paths), reverse=True):  # what is inside comes first
+        for folder in sorted(_list_folders(paths), reverse=True):  # inner folders come first
             with suppress(OSError):  # not empty, or gone
                 (self.path / folder).rmdir()
 
@@ -283,7 +283,7 @@ class ExportFolder:
                 "files": {path: self._files[path] for path in sorted(self._files)},
             }
         )
-        # What a killed process leaves of it is known by its folder as this program's.
+        # The remains of a killed process are recognised by its folder.
         with open_partial_folder(self.path / STAGING_FOLDER) as folder:
             partial = folder / EXPORT_FILE
             write_file(partial, manifest.to_json())
@@ -304,7 +304,7 @@ class ExportFolder:
 
 
 def check_export_folder(path: Path) -> None:
-    """Check that a folder is free for an export, or has one.
+    """Check whether a folder is free for an export, or has one.
 
     Raises:
         InputError: It is a file, holds other things, or is in a dataset or another export.
@@ -327,7 +327,7 @@ def check_export_folder(path: Path) -> None:
 
 
 def _has_only_what_precedes_a_manifest(staging: Path) -> bool:
-    """Return whether a folder has only what a first export makes before it has a manifest."""
+    """Return whether a folder has only the first files of an export without a manifest."""
     if staging.is_symlink() or not staging.is_dir():
         return False
     lock = staging.parent / LOCK_FILE
@@ -342,7 +342,7 @@ def _is_empty_file(path: Path) -> bool:
 
 
 def is_export(path: Path) -> bool:
-    """Return whether a folder is that of an export; RunError if it may not be read."""
+    """Return whether a folder is an export's; RunError if it may not be read."""
     check_is_readable(path)
     return (path / EXPORT_FILE).is_file()
 
@@ -381,7 +381,7 @@ def verify_export(path: Path) -> tuple[list[FileProblem], ExportManifest]:
 
 
 def _list_folders(paths: Iterable[str]) -> set[Path]:
-    """List the folders within an export that files are in, and the folders of these."""
+    """List the folders with files within an export, and their parents."""
     return {folder for path in paths for folder in Path(path).parents} - {Path()}
 
 

@@ -1,4 +1,4 @@
-"""The manifest of an export: what it was made from, and every file with its checksum."""
+"""The manifest of an export: its inputs, and every file with its checksum."""
 
 import hashlib
 from pathlib import Path
@@ -34,7 +34,7 @@ class ExportRecord(FileRecord):
     """Size and checksum of a written file.
 
     Attributes:
-        piece: Name of the piece that it is part of.
+        piece: Name of the piece it belongs to.
     """
 
     piece: str
@@ -50,10 +50,10 @@ class ExportManifest(Model):
         version: Version of advercity.
         code_sha256: Checksum of its sources.
         scenarios: Checksums of the identities of the scenarios, by their names.
-        edited: Checksums of files of the dataset that were changed after its runs and exported as
-            they are, by scenario and path.
-        complete: Whether all that the dataset had is written.
-        pieces: What the finished pieces were made from, by their names.
+        edited: Checksums of files of the dataset changed after its runs and exported with these
+            changes, by scenario and path.
+        complete: Whether everything in the dataset is written.
+        pieces: Inputs of the finished pieces, by their names.
         files: Records by path within the export.
     """
 
@@ -93,12 +93,12 @@ class ExportManifest(Model):
         )
 
     def check_continues(self, former: "ExportManifest", where: Path) -> None:
-        """Check that this export may go on with what another one has written.
+        """Check whether this export may continue a former one.
 
         It may if the dataset has got more frames or scenarios meanwhile.
 
         Raises:
-            RunError: It may not; the text says why, and what to do about it.
+            RunError: It may not; the text gives the reason and a remedy.
         """
         differences = [
             f"{name}: {before}, {now}"

@@ -1,4 +1,4 @@
-"""Exports a dataset: what is missing of it is written, piece by piece."""
+"""Exports a dataset: missing pieces are written one by one."""
 
 import logging
 from collections import Counter
@@ -25,7 +25,7 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ExportResult:
-    """What an export has made.
+    """The outcome of an export.
 
     Attributes:
         output: Its folder.
@@ -52,19 +52,19 @@ def export_dataset(
     allow_edited: bool = False,
     report: ProgressCallback = ignore_progress,
 ) -> ExportResult:
-    """Write a dataset in another format; an export that was cut short goes on where it ended.
+    """Write a dataset in another format; an interrupted export continues where it ended.
 
     Args:
         format: Name of the format.
         dataset: Folder of the dataset, or of one scenario.
         output: Folder of the export.
-        options: Options of the format by name, without those that are None.
-        fresh: Remove what exports have written there and start over.
-        allow_edited: Export files that were changed after their run as they are, and record it.
+        options: Options of the format by name; None stands for the default.
+        fresh: Remove files of earlier exports and start over.
+        allow_edited: Export files changed after their run with these changes, and record it.
         report: Called with the progress.
 
     Raises:
-        InputError: There is no such format, the dataset lacks what it needs or is damaged, or the
+        InputError: There is no such format, the dataset lacks its inputs or is damaged, or the
             output holds something else.
         RunError: A run is or was writing the dataset meanwhile, the output has another export, or
             the disk refuses.
@@ -94,7 +94,7 @@ def export_dataset(
 
 
 class _FrameCounter:
-    """Reports progress by frames; a format that goes through them twice begins again at 1."""
+    """Reports progress by frames; a second pass through them begins again at 1."""
 
     def __init__(self, dataset: Dataset, report: ProgressCallback) -> None:
         self._report = report
@@ -154,7 +154,7 @@ def _open_whole_dataset(path: Path) -> Dataset:
 
 
 def _check_name(scenario: Path) -> None:
-    """Check that a scenario's name can be that of files of an export, as most formats need it."""
+    """Check whether a scenario's name can name files of an export, as most formats need it."""
     reason = None
     if not NAME_PATTERN.fullmatch(scenario.name):
         reason = "is hidden, has a backslash, or is not UTF-8"
@@ -168,7 +168,7 @@ def _check_name(scenario: Path) -> None:
 
 
 def _with_edits(piece: Piece, edited: Mapping[str, str]) -> Piece:
-    """Let a piece be made again when files of its scenario were edited since, or no longer are."""
+    """Add edits of its scenario's files to a piece's inputs: new edits, new export."""
     own = {
         path: digest
         for path, digest in edited.items()

@@ -3,15 +3,15 @@
     training/image_2/000000.png      first camera
     training/velodyne/000000.bin     first LiDAR: x, y, z, intensity as float32
     training/calib/000000.txt        P0 to P3, R0_rect, Tr_velo_to_cam, Tr_imu_to_velo
-    training/label_2/000000.txt      objects that the image shows, or that are hidden in it
+    training/label_2/000000.txt      objects shown by the image, or hidden in it
     training/oxts/000000.txt         position and motion, in the 30 columns of the raw recordings
     training/samples.csv             which agent and frame a sample is of
     ImageSets/trainval.txt           all samples; of a dataset in splits also train, val and test
 
 Frames of the calibration: `velo` x forward, y left, z up, as here; `cam` x right, y down, z along
-the view; `rect` is `cam` turned so that its y axis is the LiDAR's z axis downwards. Labels have a
-single angle, so that they fit upright objects in `rect` only. KITTI's cameras look straight ahead,
-and `rect` is `cam` but for a fraction of a degree; those of a roadside unit look down, and there
+the view; `rect` is `cam` turned so its y axis is the LiDAR's z axis downwards. Labels have a
+single angle, so upright objects fit in `rect` only. KITTI's cameras look straight ahead, and
+`rect` is `cam` but for a fraction of a degree; cameras of a roadside unit look down: there,
 `R0_rect` has the tilt and `P2` takes it back: `P2 @ R0_rect @ Tr_velo_to_cam` is the projection.
 """
 
@@ -45,7 +45,7 @@ TYPES = {
 }
 """KITTI's types by class; it has none for motorcycles."""
 TRAILER = "Misc"
-"""KITTI's type of what it has no other for; its authors name trailers as an example."""
+"""KITTI's type of objects without a type; its authors name trailers as an example."""
 PARTLY_OCCLUDED, LARGELY_OCCLUDED = 0.25, 0.6
 """Hidden fractions of an outline from which an object counts as such. KITTI gives no numbers."""
 SPLIT_LISTS = {"train": "train", "validate": "val", "test": "test"}
@@ -130,7 +130,7 @@ class Calibration:
 
 
 def _turn_upright(up: NDArray[np.float64]) -> Matrix:
-    """Build the rotation (4, 4) of optical axes that turns `up` (3,) to -y.
+    """Build the rotation (4, 4) of optical axes from `up` (3,) to -y.
 
     The view stays ahead. If `up` is -y already it is the identity, to the last bit.
     """
@@ -192,7 +192,7 @@ def _grade_occlusion(shown: Mapping[str, Any]) -> int:
 
 
 def _write_lists(dataset: Dataset, files: PieceFiles) -> None:
-    """Write the table of samples, and the lists of sample numbers that readers open."""
+    """Write the table of samples, and readers' lists of sample numbers."""
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(["sample", "scenario", "agent", "frame", "time_s"])

@@ -1,4 +1,4 @@
-"""Libraries of others that formats are written with, which `advercity[export]` installs."""
+"""Third-party libraries for writing formats, installed by `advercity[export]`."""
 
 from importlib import import_module
 from typing import Any
@@ -7,7 +7,7 @@ from advercity.errors import InputError
 
 
 def load_library(name: str, format: str) -> Any:
-    """Import a module; InputError that says how to install it if it is missing."""
+    """Import a module; if it is missing, an InputError explains its installation."""
     try:
         return import_module(name)
     except ImportError:

@@ -46,7 +46,7 @@ class FoxgloveEncoder:
 
     @staticmethod
     def load_libraries() -> None:
-        """Load what it needs; InputError if that is not installed."""
+        """Load the libraries; InputError if one is not installed."""
         load_library("mcap.writer", "mcap")
         load_library("mcap_protobuf.schema", "mcap")
         load_library("foxglove_schemas_protobuf.PointCloud_pb2", "mcap")
@@ -142,7 +142,7 @@ class FoxgloveEncoder:
             }
             for row, number in enumerate(boxes.ids.tolist())
         ]
-        # Without the first, what left the agent's view would stay in a viewer for ever.
+        # Without the first, objects would stay in a viewer after they left the agent's view.
         deletions = [{"timestamp": self._build_time(stamp), "type": 1}]
         self._add(topic, stamp, self._load("SceneUpdate")(deletions=deletions, entities=entities))
 
@@ -162,7 +162,7 @@ class FoxgloveEncoder:
         )
 
     def write_imu(self, topic: str, stamp: Stamp, imu: ImuSample) -> None:
-        """Write what an IMU measured."""
+        """Write the measurement of an IMU."""
         measured = {
             "specific_force": format_vector(imu.specific_force),
             "angular_rate": format_vector(imu.angular_rate),

@@ -70,7 +70,7 @@ def _write_frame(frame: FrameView, recording: Encoder, shown: dict[str, int]) ->
             recording.write_transforms("/tf", Stamp(stamps[pose[0]], WORLD), [pose])
 
     def list_new(view: AgentView, kind: str, count: int) -> Iterator[tuple[int, str, Stamp]]:
-        """List number, topic and stamp of the sensors of a kind that measured."""
+        """List number, topic and stamp of the sensors of a kind with a new measurement."""
         for number in range(count):
             name = f"{view.agent.id}/{kind}{number}"
             if name not in repeated:

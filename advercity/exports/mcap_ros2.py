@@ -38,7 +38,7 @@ class Ros2Encoder:
 
     @staticmethod
     def load_libraries() -> None:
-        """Load what it needs; InputError if that is not installed."""
+        """Load the library; InputError if it is not installed."""
         load_library("mcap_ros2.writer", "mcap")
 
     def __init__(self, stream: IO[bytes]) -> None:
@@ -122,10 +122,10 @@ class Ros2Encoder:
         self._write(topic, stamp, "sensor_msgs/NavSatFix", values)
 
     def write_imu(self, topic: str, stamp: Stamp, imu: ImuSample) -> None:
-        """Write what an IMU measured."""
+        """Write the measurement of an IMU."""
         unknown = [0.0] * 9
         values = {
-            # An IMU that measures no orientation has -1 first in its covariance.
+            # An IMU without orientation has -1 first in its covariance.
             "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
             "orientation_covariance": [-1.0, *unknown[1:]],
             "angular_velocity": format_vector(imu.angular_rate),

@@ -1,4 +1,4 @@
-"""What messages of MCAP recordings have in common, whichever their schemas are."""
+"""Values common to the messages of MCAP recordings in all schemas."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -45,7 +45,7 @@ class PositionCovariance:
 
     Attributes:
         matrix: (9,) of east, north and up, in m².
-        kind: Number that ROS and Foxglove have for how it is known: 0 unknown, 1 approximated,
+        kind: Source of the covariance, numbered as in ROS and Foxglove: 0 unknown, 1 approximated,
             2 known on the diagonal.
     """
 

@@ -27,7 +27,7 @@ _NEGATED: Mapping[str, Iterable[str]] = {
     "signal": ("t", "hOffset", "roll"),
     "signalReference": ("t",),
 }
-"""Attributes of each element that change their sign: offsets to the left, turns, ids of lanes."""
+"""Attributes of each element with a new sign: offsets to the left, turns, ids of lanes."""
 _RANGES = {"validity": ("fromLane", "toLane"), "header": ("south", "north")}
 """Attributes of the lower and the upper end of a range, which are exchanged too."""
 

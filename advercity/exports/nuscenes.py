@@ -1,6 +1,6 @@
 """nuScenes: tables, key frames and sweeps of every agent, masks of the roads.
 
-v1.0-trainval/*.json      the tables, splits.json, and cooperation.json: who saw what at a time
+v1.0-trainval/*.json      the tables, splits.json, and cooperation.json: who saw an object when
 samples/CAM_FRONT/*.png   key frames of a sensor; LiDARs .pcd.bin, radars .pcd
 sweeps/CAM_FRONT/*.png    the frames between
 maps/*.png                where there are lanes and sidewalks, 0.1 m a pixel
@@ -96,12 +96,12 @@ def _encode_lidar(view: AgentView, lidar: int) -> bytes:
 def _encode_radar(view: AgentView, radar: int) -> bytes:
     """Encode detections; the velocity of each is its radial one, along the line of sight.
 
-    Compensated velocities are those over ground: without the part of the agent's own motion.
+    Compensated velocities are over ground: without the part of the agent's own motion.
     """
     found = view.load_radar(radar)
     table = np.zeros(max(1, len(found)), RADAR_RECORD)
     if not len(found):
-        table["x"] = np.nan  # how nuScenes writes that there are none
+        table["x"] = np.nan  # nuScenes marks an empty cloud so
         return _encode_records(table)
     points = np.column_stack([found[axis] for axis in "xyz"]).astype(np.float64)
     sight = points / np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-6)

@@ -1,4 +1,4 @@
-"""What one agent of one scenario is in nuScenes: a scene with an ego, channels, and key frames.
+"""One agent of one scenario in nuScenes: a scene with an ego, channels, and key frames.
 
 The ego frame is at the middle of a vehicle's rear axle, on the ground; x forward, y left, z up. For
 a roadside unit it is at its head, level, with its yaw. LiDARs have x to the right and y forward, as
@@ -28,8 +28,8 @@ from advercity.geometry.poses import Matrix
 KEY_FRAME_INTERVAL_S = 0.5
 MICROSECONDS = 1_000_000
 START_STEP_US, START_STEPS = 1 << 10, 1 << 33
-"""Steps between the starts of scenarios, more than agents, and their number: together 100 days, so
-that the devkit's seconds, 64-bit numbers, keep nanoseconds."""
+"""Steps between the starts of scenarios, more than agents, and their number: together 100 days;
+the devkit's seconds, 64-bit numbers, keep nanoseconds."""
 LIDAR_FROM_BODY = poses.pose_matrix((0.0, 0.0, 0.0), yaw=math.pi / 2)
 """From x forward, y left to x right, y forward."""
 DIRECTIONS = (
@@ -55,7 +55,7 @@ class Channel:
     Attributes:
         name: Name in nuScenes, such as `CAM_FRONT`.
         modality: Kind of sensor.
-        number: Number among the agent's sensors of that kind.
+        number: Number among the agent's sensors of this kind.
     """
 
     name: str
@@ -80,7 +80,7 @@ class Channel:
 
 
 def list_channels(agent: Agent) -> list[Channel]:
-    """List the sensors of an agent; two that look the same way have names with a number."""
+    """List the sensors of an agent; names get a number if directions are the same."""
     sensors = agent.sensors
     yaws_deg = [camera.mount.yaw_deg for camera in sensors.cameras]
     cameras = _name_uniquely("CAM", map(_name_direction, yaws_deg))
@@ -154,8 +154,8 @@ class Scene:
     def start_us(self) -> int:
         """Time at which the scene begins, in microseconds.
 
-        The devkit sorts scenes by it and cannot if two are equal: scenarios begin at times that
-        their names decide, and their agents a microsecond apart.
+        The devkit sorts scenes by it and cannot if two are equal: scenarios begin at times drawn
+        from their names, and their agents a microsecond apart.
         """
         step = int(make_token("start", self.scenario.path.name), 16) % START_STEPS
         agents = [agent.id for agent in self.scenario.spec.agents]
@@ -180,7 +180,7 @@ class Scene:
         return make_token("sample", self.name, frame)
 
     def make_data_token(self, channel: Channel, frame: int) -> str:
-        """Make the token of what a sensor recorded in a frame."""
+        """Make the token of a sensor's data in a frame."""
         return make_token("sample_data", self.name, channel.name, frame)
 
     def make_calibration_token(self, channel: Channel) -> str:
@@ -188,7 +188,7 @@ class Scene:
         return make_token("calibrated_sensor", self.name, channel.name)
 
     def format_path(self, channel: Channel, frame: FrameView) -> str:
-        """Format the path of what a sensor recorded in a frame."""
+        """Format the path of a sensor's data in a frame."""
         folder = "samples" if self.is_key(frame) else "sweeps"
         stem = f"{self.name}__{channel.name}__{self.compute_timestamp_us(frame.time_s)}"
         return f"{folder}/{channel.name}/{stem}.{channel.file_format}"

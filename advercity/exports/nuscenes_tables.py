@@ -61,7 +61,7 @@ class MapExtent:
 
     Attributes:
         path: Path of the mask.
-        offset: What is added to x and y of the world.
+        offset: Added to x and y of the world.
         width_px: Width of the mask.
         height_px: Height of the mask.
     """
@@ -199,7 +199,7 @@ def _write_scenario(
 
 
 class _SceneWriter:
-    """Writes the rows of a scene; a row that names its successor waits for it."""
+    """Writes the rows of a scene; a row naming its successor waits for it."""
 
     def __init__(self, scene: Scene, extent: MapExtent, tables: Mapping[str, JsonList]) -> None:
         self._scene, self._extent, self._tables = scene, extent, tables
@@ -292,7 +292,7 @@ class _SceneWriter:
         self._tables["sample_data"].append(
             {
                 "token": scene.make_data_token(channel, frame.index),
-                # Of a sweep: the sample that follows it.
+                # Of a sweep: the sample after it.
                 "sample_token": scene.make_sample_token(key),
                 "ego_pose_token": ego_pose,
                 "calibrated_sensor_token": scene.make_calibration_token(channel),

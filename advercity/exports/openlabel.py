@@ -103,12 +103,12 @@ def _write_scenario(scenario: Scenario, files: PieceFiles) -> None:
 
 
 def _describe_objects(frame: FrameView) -> dict[str, tuple[str, dict[str, Any]]]:
-    """Describe the objects that any agent annotates: class and data by id."""
+    """Describe the annotated objects of all agents: class and data by id."""
     found: dict[str, tuple[str, dict[str, Any]]] = {}
     for name, view in frame.views.items():
         boxes, extras = view.load_steady_boxes(), view.extras["objects"]
         for row, number in enumerate(boxes.ids.tolist()):
-            # The world has one truth: what another agent annotates has the same box there.
+            # Agents share one truth: the box of an object is the same for all of them.
             cuboid = _format_cuboid(boxes.world_from_box[row], boxes.sizes[row].tolist())
             speed = {"name": "speed_m_s", "val": round(float(boxes.speeds_m_s[row]), DECIMALS)}
             parked = {"name": "is_parked", "val": bool(boxes.is_parked[row])}

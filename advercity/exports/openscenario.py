@@ -6,7 +6,7 @@
 Both are right-handed with x east, y north, z up, and headings counter-clockwise from east, as here.
 An entity is at its rear axle on the ground; its bounding box has its own centre. All
 ticks of the traffic are there, whichever frames the dataset has: the traffic is simulated again,
-and must be that of the dataset.
+and must equal the dataset's.
 """
 
 import datetime
@@ -47,7 +47,7 @@ LAMPS = {Signal.RED: "on;off;off", Signal.YELLOW: "off;on;off", Signal.GREEN: "o
 """States of the lamps of a light, red first."""
 OKTAS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight")
 CLEAR_RANGE_M = 100_000.0
-"""Visual range of air that is perfectly clear."""
+"""Visual range of perfectly clear air."""
 PEDESTRIAN_MASS_KG = 80.0
 MAX_SPEED_M_S, MAX_ACCELERATION_M_S2 = 100.0, 15.0
 """Bounds of vehicles, which a scenario must give and trajectories do not reach."""
@@ -73,7 +73,7 @@ def load_dataset_traffic(scenario: Scenario) -> TrafficResult:
     """Load or simulate the traffic of a scenario.
 
     Raises:
-        InputError: It is not that of the dataset, which another version has made.
+        InputError: It differs from the dataset's, made by another version.
     """
     identity = scenario.manifest.identity
     traffic = load_or_simulate_traffic(scenario.spec)
@@ -293,7 +293,7 @@ def grade_wetness(weather: Weather) -> str:
 def measure_reference(actor: Actor, blueprints: Mapping[str, Blueprint]) -> tuple[float, float]:
     """Measure how far the middle of an actor is ahead of its reference point, and its wheelbase.
 
-    That of a semi-trailer is from its kingpin to the middle of its axles.
+    For a semi-trailer, the wheelbase is from its kingpin to the middle of its axles.
     """
     if actor.actor_class == "pedestrian":
         return 0.0, 0.0

@@ -1,11 +1,11 @@
-"""ASAM Open Simulation Interface 3.8: traces of what is true, for every scenario and vehicle.
+"""ASAM Open Simulation Interface 3.8: traces of the truth, for every scenario and vehicle.
 
     <scenario>/ground_truth_gt.osi    a GroundTruth for every frame
-    <scenario>/<agent>_sv.osi         a SensorView of every connected vehicle, with that truth in it
+    <scenario>/<agent>_sv.osi         a SensorView of every connected vehicle, with the truth in it
     <scenario>/site.xodr              the map to which GroundTruth.map_reference refers
 
-A trace is a row of messages, each after its length (four bytes, little-endian). The frame is that
-of the dataset's world, and rotations are right-handed: a positive pitch is nose down. An object is
+A trace is a row of messages, each after its length (four bytes, little-endian). The frame is the
+world of the dataset, and rotations are right-handed: a positive pitch is nose down. An object is
 at the middle of its box; axles are given on the ground.
 """
 
@@ -51,13 +51,13 @@ COLOURS = {
     Signal.GREEN: "COLOR_GREEN",
 }
 FIRST_LIGHT_ID, FIRST_UNIT_ID = 1_000_000, 2_000_000
-"""Ids are unique in a scenario; actors have those of the dataset, below."""
+"""Ids are unique in a scenario; actors have the dataset's, which are lower."""
 VISIBILITIES_M = (50.0, 200.0, 1000.0, 2000.0, 4000.0, 10_000.0, 40_000.0)
 FOGS = (
     *("DENSE", "THICK", "LIGHT", "MIST"),
     *("POOR_VISIBILITY", "MODERATE_VISIBILITY", "GOOD_VISIBILITY", "EXCELLENT_VISIBILITY"),
 )
-"""Grades of fog between these visibilities, from osi_environment.proto, as all that follow."""
+"""Grades of fog between these visibilities; these and all others from osi_environment.proto."""
 RATES_MM_H = (0.1, 0.5, 1.9, 8.1, 34.0, 149.0)
 PRECIPITATIONS = ("NONE", "VERY_LIGHT", "LIGHT", "MODERATE", "HEAVY", "VERY_HEAVY", "EXTREME")
 ILLUMINANCES_LX = (0.01, 1.0, 3.0, 10.0, 20.0, 400.0, 1000.0, 10_000.0)
@@ -159,7 +159,7 @@ class TruthBuilder:
         orientation = base.orientation
         orientation.roll, orientation.pitch, orientation.yaw = roll, pitch, yaw
         motion, rotation = state.motion, state.world_from_body[:3, :3]
-        # The middle of a box that turns moves in another way than the origin on the ground.
+        # The middle of a turning box moves in another way than the origin on the ground.
         arm = np.asarray(box.centre, dtype=np.float64)
         turning = rotation @ np.cross(motion.angular_rate, arm)
         _fill_vector(base.velocity, motion.velocity + turning)
@@ -182,7 +182,7 @@ class TruthBuilder:
         attributes = item.vehicle_attributes
         running = self._spec.blueprints[actor.blueprint].semitrailer if actor.towed_by else None
         if running:
-            # A semi-trailer has no axle in front; its kingpin is what is steered.
+            # A semi-trailer has no axle in front; its kingpin takes the place of a steered axle.
             ahead_m = actor.size[0] / 2 - running.kingpin_m
             behind_m = running.wheelbase_m - ahead_m
             attributes.number_wheels = SEMITRAILER_WHEELS
@@ -265,7 +265,7 @@ class TruthBuilder:
 def _compute_angle_rates(
     rate: NDArray[np.float64], pitch: float, roll: float
 ) -> tuple[float, float, float]:
-    """Compute the rates of roll, pitch and yaw of a body that turns at `rate` (3,) in its frame."""
+    """Compute the rates of roll, pitch and yaw of a body turning at `rate` (3,) in its frame."""
     p, q, r = rate.tolist()
     yaw_rate = (q * math.sin(roll) + r * math.cos(roll)) / math.cos(pitch)
     pitch_rate = q * math.cos(roll) - r * math.sin(roll)

@@ -1,7 +1,7 @@
-"""The pieces that an export is made of, each of which is whole or absent.
+"""The pieces of an export, each of which is whole or absent.
 
-A format decides what its pieces are: the files of a frame where every frame has files of its own, a
-scenario where a file holds many frames, or what is known of all scenarios together. The smaller the
+A format chooses its pieces: the files of one frame if every frame has files of its own, one
+scenario if a file holds many frames, or the common files of all scenarios. The smaller the
 pieces, the less is lost when an export is cut short.
 """
 
@@ -30,7 +30,7 @@ FrameListener = Callable[[str], None]
 
 
 class JsonList:
-    """Writes a list of JSON objects row by row, so that it need not fit into memory.
+    """Writes a list of JSON objects row by row, so it need not fit into memory.
 
     Args:
         stream: Where the list begins at once, and ends when the context is left.
@@ -58,7 +58,7 @@ class PieceFiles:
 
     Args:
         folder: The folder.
-        on_frame: Called for each frame that `track` has given out and that is done.
+        on_frame: Called for each frame from `track` when it is done.
     """
 
     def __init__(self, folder: Path, on_frame: FrameListener) -> None:
@@ -79,7 +79,7 @@ class PieceFiles:
 
     @contextmanager
     def open(self, path: str) -> Generator[BinaryIO]:
-        """Open a file that is written bit by bit, so that it need not fit into memory."""
+        """Open a file for writing bit by bit; it need not fit into memory."""
         target = self._reserve(path)
         with target.open("xb") as stream:
             yield stream
@@ -109,11 +109,11 @@ class PieceFiles:
 
 @dataclass(frozen=True)
 class Piece:
-    """A part of an export that is written at once.
+    """A part of an export, written at once.
 
     Attributes:
         name: Name, unique in the export.
-        inputs: What it is made from; a piece with the same name and other inputs is made again.
+        inputs: Checksum of its inputs; a piece with the same name and other inputs is made again.
         scenario: Name of its scenario; None if it is of all.
         frames: Number of frames in it.
         write: Writes its files.
@@ -159,7 +159,7 @@ def _build_frame_piece(
     write_frame: Callable[[FrameView, int, PieceFiles], None],
 ) -> Piece:
     def write(files: PieceFiles) -> None:
-        # Made here: a frame keeps the documents that were read of it.
+        # Made here: a frame keeps the documents it has read.
         for frame in files.track([scenario[position]]):
             write_frame(frame, number, files)
 
@@ -186,7 +186,7 @@ def split_by_scenario(
 
 
 def make_common_piece(dataset: Dataset, name: str, write: Callable[[PieceFiles], None]) -> Piece:
-    """Make a piece of what is known of all scenarios together, such as a table of all frames."""
+    """Make a piece of common data of all scenarios, such as a table of all frames."""
     inputs = "; ".join(
         f"{scenario.path.name}: {_describe_frames(scenario)}" for scenario in dataset.scenarios
     )

@@ -1,4 +1,4 @@
-"""The formats that datasets are exported to, by name."""
+"""The formats of exports, by name."""
 
 import difflib
 from collections.abc import Callable, Mapping
@@ -11,9 +11,9 @@ from advercity.errors import InputError
 from advercity.exports.pieces import Piece
 
 Options = Mapping[str, str]
-"""Values of a format's options, by name; all that it has."""
+"""Values of all options of a format, by name."""
 PieceLister = Callable[[Dataset, Options], list[Piece]]
-"""Splits a dataset into pieces; InputError if it lacks what the format needs."""
+"""Splits a dataset into pieces; InputError if it lacks data for the format."""
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class ExportFormat:
 
     Attributes:
         name: Its name on the command line.
-        module: Module of the package `advercity.exports` that has its `list_pieces`; it is imported
-            when the format is used, with the libraries that it needs.
+        module: Module of the package `advercity.exports` with its `list_pieces`; it is imported
+            when the format is used, with its libraries.
         options: Possible values of its options by name; the first is taken unless another is named.
     """
 
@@ -32,12 +32,12 @@ class ExportFormat:
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
 
     def load(self) -> PieceLister:
-        """Load the function that splits a dataset into pieces."""
+        """Load the function for splitting a dataset into pieces."""
         module: Any = import_module(f"advercity.exports.{self.module}")
         return module.list_pieces
 
     def complete_options(self, given: Mapping[str, str | None]) -> dict[str, str]:
-        """Complete options by their defaults; what is None is not given.
+        """Complete options by their defaults, also in place of None.
 
         Raises:
             InputError: The format has no such option, or it has no such value.
@@ -74,7 +74,7 @@ EXPORT_FORMATS = {
 
 
 def find_export_format(name: str) -> ExportFormat:
-    """Return the format of that name; InputError with the nearest names if there is none."""
+    """Return the format of a name; InputError with the nearest names if there is none."""
     if name in EXPORT_FORMATS:
         return EXPORT_FORMATS[name]
     close = difflib.get_close_matches(name.lower(), EXPORT_FORMATS, n=2, cutoff=0.5)

@@ -1,4 +1,4 @@
-"""What formats need of a dataset; the errors say which scenario or agent lacks it."""
+"""Requirements of formats on a dataset; errors name the scenario or agent without the data."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from advercity.errors import InputError
 
 
 def require_truth(dataset: Dataset, format: str) -> None:
-    """Check that a dataset has truth about objects besides their boxes.
+    """Check whether a dataset has truth about objects besides their boxes.
 
     Raises:
         InputError: A scenario has the original's layout.
@@ -28,12 +28,12 @@ def require_pinholes(
     format: str,
     select: Callable[[Agent], range] = lambda agent: range(len(agent.sensors.cameras)),
 ) -> None:
-    """Check that cameras have no lens, which a format cannot describe.
+    """Check that no camera has a lens, for formats without lens models.
 
     Args:
         dataset: The dataset.
         format: Name of the format.
-        select: Selects the cameras of an agent that are exported, by their numbers.
+        select: Selects the exported cameras of an agent, by their numbers.
 
     Raises:
         InputError: One has a lens.

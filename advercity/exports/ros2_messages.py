@@ -1,4 +1,4 @@
-"""Definitions of the ROS 2 messages that are written, as their packages have them.
+"""Definitions of the written ROS 2 messages, copied from their packages.
 
 They are of common_interfaces, geometry2, rcl_interfaces and vision_msgs (4.x), without comments and
 constants, which no decoder needs.
@@ -66,7 +66,7 @@ _SEPARATOR = "=" * 80
 
 
 def format_definition(name: str) -> str:
-    """Format the definition of `sensor_msgs/Imu` with those that it needs, as MCAP stores it."""
+    """Format the definition of `sensor_msgs/Imu` with its parts, as MCAP stores it."""
     parts = [DEFINITIONS[name]]
     parts += [f"MSG: {other}\n{DEFINITIONS[other]}" for other in dict.fromkeys(_list_parts(name))]
     return f"\n{_SEPARATOR}\n".join(parts)

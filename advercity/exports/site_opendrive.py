@@ -1,7 +1,7 @@
 """The site of a scenario as OpenDRIVE 1.7, by netconvert, in the frame of the world.
 
-netconvert writes what version 1.7 asks for but for an attribute of crosswalks; its comment has
-paths and times of the machine, which are left out.
+netconvert follows version 1.7 but for an attribute of crosswalks; its comment has paths and times
+of the machine, which are left out.
 """
 
 from pathlib import Path
@@ -21,9 +21,9 @@ OUTPUT_OPTIONS = {
     "junctions.scurve-stretch": "0",
     "opendrive-output.straight-threshold": "0.01",
 }
-"""Micrometres, and curves that bend within one degree."""
+"""Micrometres, and curves even for bends below one degree."""
 FIXED_DATE = "2000-01-01T00:00:00"
-"""In place of when a file was written, so that the same data gives the same bytes."""
+"""Replaces the time of writing: the same data gives the same bytes."""
 
 
 def format_site(road: Road, network: Path) -> bytes:

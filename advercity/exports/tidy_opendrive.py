@@ -109,7 +109,7 @@ def _measure_length(geometry: Element) -> float:
 
 
 def _stretch_elevations(elevations: list[Element], old: Float64Array, new: Float64Array) -> None:
-    """Stretch profiles so that each ends at the height at which it ended."""
+    """Stretch profiles so each ends at its former height."""
     ends = [*(_read(one, "s").item() for one in elevations), float(old[-1])]
     for elevation, (start, end) in zip(elevations, pairwise(ends), strict=True):
         stretched = np.interp(end, old, new) - np.interp(start, old, new)

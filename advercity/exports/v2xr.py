@@ -1,4 +1,4 @@
-"""V2X-R's folders, for readers that fuse LiDAR and 4-D radar.
+"""V2X-R's folders, for readers with fusion of LiDAR and 4-D radar.
 
     train/<scenario>/+101/000060.yaml          as in the dataset: poses, calibration, objects
     train/<scenario>/+101/000060.pcd           first LiDAR, as in the dataset
@@ -24,7 +24,7 @@ from advercity.geometry import poses
 SPLITS = ("train", "validate", "test")
 DEFAULT_SPLIT = "train"
 FULL_SCALE_DB = 60.0
-"""Signal-to-noise ratio that is the brightest red."""
+"""Signal-to-noise ratio of the brightest red."""
 RADAR_POINT = np.dtype(
     [
         *((name, "<f4") for name in ("x", "y", "z")),

@@ -1,4 +1,4 @@
-"""The files that an export reads, which stay as they were verified until they are exported."""
+"""The verified files of an export's dataset; they must not change until it is finished."""
 
 import hashlib
 import logging
@@ -24,7 +24,7 @@ class VerifiedFiles:
     """The files of a dataset, as they were when they were compared with its manifests.
 
     Attributes:
-        edited: Checksums of those that differ from the manifests, by scenario and path.
+        edited: Checksums of files with differences to the manifests, by scenario and path.
     """
 
     edited: Mapping[str, str]
@@ -35,7 +35,7 @@ class VerifiedFiles:
     def of_dataset(
         dataset: Dataset, report: ProgressCallback, *, allow_edited: bool
     ) -> "VerifiedFiles":
-        """Compare all files with the manifests, and say how many were changed if that is allowed.
+        """Compare all files with the manifests, and report the number of allowed changes.
 
         Raises:
             InputError: Files are missing, unfinished, or changed without being allowed to.
@@ -46,7 +46,7 @@ class VerifiedFiles:
         for scenario in dataset.scenarios:
             name = scenario.path.name
             report(Progress(name, "verify"))
-            # Before the contents are read: what changes a file from here on shows in its state.
+            # Before the contents are read: any later change of a file shows in its state.
             states[name] = {
                 path: _read_state(scenario.path / path) for path in scenario.manifest.files
             }
@@ -55,7 +55,7 @@ class VerifiedFiles:
         return VerifiedFiles(edited, {one.path.name: one for one in dataset.scenarios}, states)
 
     def check_unchanged(self, piece: Piece) -> None:
-        """Raise a RunError if a file that a piece may be made from was written meanwhile."""
+        """Raise a RunError if a possible input of a piece was written meanwhile."""
         for name in self._scenarios if piece.scenario is None else [piece.scenario]:
             scenario = self._scenarios[name]
             for path, record in scenario.manifest.files.items():
@@ -69,9 +69,9 @@ class VerifiedFiles:
 
 
 def _read_state(path: Path) -> _FileState:
-    """Read what shows that a file was written or replaced; None if it cannot be read.
+    """Read numbers by which a written or replaced file shows; None if it cannot be read.
 
-    The time of change, unlike that of modification, is set by the system alone.
+    The time of change, unlike the time of modification, is set by the system alone.
     """
     try:
         found = path.stat()

@@ -75,7 +75,7 @@ def _write_index(counts: list[int], files: PieceFiles) -> None:
 def _write_shard(scenario: Scenario, positions: range, path: str, files: PieceFiles) -> None:
     library = load_library("webdataset", "webdataset")
     with files.open(path) as stream:
-        # No clock, so that equal datasets give equal shards.
+        # No clock: equal datasets give equal shards.
         writer = library.TarWriter(stream, encoder=False, mtime=0)
         for frame in files.track(scenario[position] for position in positions):
             for view in frame.views.values():
