@@ -1,4 +1,4 @@
-"""Builds what moves with a pedestrian: prams, wheelchairs, dogs on a leash.
+"""Builds things moving with a pedestrian: prams, wheelchairs, dogs on a leash.
 
 Places are in metres in the frame of the person: origin on the ground under the standing body, x
 ahead. The first bone of an attachment is its frame, which keeps its place to the person.
@@ -33,7 +33,7 @@ from advercity.geometry.primitives import (
 from advercity.semantics import Semantic
 
 _FRAME = 0
-"""The bone that keeps its place to the person."""
+"""The bone at a fixed place relative to the person."""
 WHEELCHAIR_WHEEL_M = 0.30
 """Radius of the large wheels."""
 PUSH_RIM_M = 0.26
@@ -57,7 +57,7 @@ Piece = tuple[TriangleSurface, int, str]
 
 @dataclass(frozen=True, eq=False)
 class Attachment:
-    """What moves with a person.
+    """Something moving with a person.
 
     Attributes:
         limbs: Surfaces with weights on bones of its own.
@@ -130,7 +130,7 @@ def _build_carrycot(foot: Float64Array, cloth: str) -> Iterator[Piece]:
 def _build_hood(pivot: Float64Array, radii: tuple[float, float]) -> TriangleSurface:
     """Build a quarter of a shell over the far end, open towards the person.
 
-    Radii are those along and across the pram.
+    Radii are along and across the pram.
     """
     turn, across = np.radians(np.linspace(0.0, 112.0, 8)), np.pi * np.arange(11)[:, None] / 10
     ahead = radii[0] * np.sin(across)
@@ -253,7 +253,7 @@ _TROT_PHASES = {
 def build_dog(at: Float64Array, hand: Float64Array, stride_m: float, fur: str) -> Attachment:
     """Build a trotting dog, its trunk over `at` (3,), on a leash from a hand (3,).
 
-    `stride_m` is that of the person.
+    `stride_m` is the person's.
     """
     legs = {bone: _compute_leg(bone, stride_m / _DOG_STRIDES) for bone in _DogBone}
     bones = 1 + 2 * len(legs)

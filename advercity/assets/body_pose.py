@@ -25,7 +25,7 @@ CLOTH_MATERIALS = (
     "cloth_light",
     "cloth_white",
 )
-"""Colours that the clothes of people who share a body differ by."""
+"""Colours of clothes by which people with a common body differ."""
 STATIONARY_POSE_M_S = 0.15
 """Speed below which people stand: slower steps would look like slow motion."""
 
@@ -71,7 +71,7 @@ class BodyPose:
     """Shape of an actor, and the transform of its meshes to the body frame.
 
     Gaits have few poses. People are shifted ahead or back by up to half the distance between two
-    poses, so that a foot on the ground does not slide.
+    poses, so a foot on the ground does not slide.
     """
 
     shape: BodyShape
@@ -106,10 +106,9 @@ def _recolour_clothes(mesh: Mesh, rounds: int) -> Mesh:
 
 
 def build_pose_box_fitter(bodies: Mapping[str, Body]) -> Callable[[Frame], Frame]:
-    """Build the function that gives each pedestrian of a frame the box of its body as drawn.
+    """Build a function giving each pedestrian of a frame the box of its drawn body.
 
-    An umbrella is not in the box, nor is the arm that holds it: the person has the box that it
-    would have without.
+    The box excludes an umbrella and the arm holding it: it is the same as without an umbrella.
     """
 
     @cache

@@ -1,4 +1,4 @@
-"""Builds what is seen through the windows of vehicles: lining, seats, dashboard and driver."""
+"""Builds the visible inside of vehicles: lining, seats, dashboard and driver."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ _WALL_M = 0.005
 _TIERS = np.array([(0.0, 0.92), (0.12, 1.0), (0.88, 1.0), (1.0, 0.9)])
 """Position along a cushion, and its width there as a fraction: its edges are rounded."""
 _MIN_GLAZING_M, _OPEN_CABIN_M = 1.2, 1.7
-"""Length of panes below which a car has only a windscreen, and of the cabin that it then has."""
+"""Length of panes below which a car has only a windscreen, and length of the cabin then."""
 _TAILGATE_M = 0.2
 """Distance of the inside from the rear end of the panes."""
 _OWN_SEATS = 100
@@ -97,7 +97,7 @@ def _open_top(surface: TriangleSurface) -> TriangleSurface:
 def build_model_cabin(
     blueprint_id: str, parts: Sequence[MeshPart], *, is_truck: bool
 ) -> list[MeshPart]:
-    """Build the inside of a model: models have few parts that cannot be seen past their panes."""
+    """Build the inside of a model: the model itself lacks most parts visible through panes."""
     panes = [part.surface for part in parts if part.material == "glass"]
     if not panes:
         return []
@@ -126,7 +126,7 @@ def _measure_space(panes: Sequence[TriangleSurface], *, is_truck: bool) -> Cabin
 
 
 def _line(surface: TriangleSurface, space: CabinSpace) -> TriangleSurface | None:
-    """Build the inner side of what is above the belt of a vehicle; None if nothing is."""
+    """Build the inner side of the surface above the belt of a vehicle; None if there is none."""
     middle = surface.vertices[surface.triangles].mean(axis=1)
     above = (middle[:, 2] > space.belt) & (middle[:, 0] < space.front) & (middle[:, 0] > space.rear)
     if not above.any():

@@ -1,4 +1,4 @@
-"""Forms of cars: the cage of points that the smooth surface of each kind of car follows.
+"""Forms of cars: the cage of points under the smooth surface of each kind of car.
 
 A station is the distance from the nose as a fraction of the length; heights are fractions of the
 height unless their names end in `_m`, widths are fractions of half of the width.
@@ -106,7 +106,7 @@ CAB = CarForm(
 
 
 def choose_car_form(length_m: float, height_m: float) -> CarForm:
-    """Choose the kind of car that a box of this length and height holds."""
+    """Choose the kind of car for a box of this length and height."""
     slenderness = height_m / length_m
     if height_m >= 1.60 and slenderness >= 0.335:
         return SUV
@@ -181,7 +181,7 @@ def build_car_cage(form: CarForm, length_m: float, half_m: float, height_m: floa
 
 
 def _square(widths: Float64Array, form: CarForm) -> Float64Array:
-    """Widen what a form has within its full width of 1."""
+    """Widen a form's values within its full width of 1."""
     return widths + form.squareness * (1.0 - widths)
 
 
@@ -228,7 +228,7 @@ def _compute_centre_line(form: CarForm) -> list[float]:
 
 
 def _compute_roof_fraction() -> Float64Array:
-    """Compute for each column how far its upper rows are those of a roof, not of a bonnet."""
+    """Compute for each column how far its upper rows belong to a roof, not to a bonnet."""
     at = [
         COWL - 1,
         COWL,

@@ -1,7 +1,7 @@
 """The smooth surface of a car's body: a cubic B-spline over a cage, with wheel arches cut in.
 
 Places on it are (u, v): columns of the cage from nose to tail, and rows from the floor's edge over
-the left to the centre of the roof. This is what subdivision by Catmull and Clark tends to.
+the left to the centre of the roof. It is the limit of subdivision by Catmull and Clark.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ _FLARE_M, _FLARE_WIDTH_M = 0.018, 0.05
 """How far the edge of a wheel arch bulges, and over which distance."""
 _MIRROR = np.array([1.0, -1.0, 1.0])
 _STEP = 2e-3
-"""Difference of u and v that normals are computed from."""
+"""Difference of u and v for computing normals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def _cut_arch(
     v: Float64Array,
     wheel_m: float,
 ) -> None:
-    """Raise the lower edge of points (n, 3) around a wheel in place, and let the edge bulge.
+    """Raise the lower edge of points (n, 3) around a wheel in place, with a bulging edge.
 
     `ahead` (n,) is their distance from the axle; between `heights` the flank gives way.
     """

@@ -1,4 +1,4 @@
-"""Builds what is fixed to the shell of a car: plates, grille, mirrors, gaps, wipers, rails."""
+"""Builds the parts fixed to the shell of a car: plates, grille, mirrors, gaps, wipers, rails."""
 
 from collections.abc import Sequence
 
@@ -28,7 +28,7 @@ _CAB_DOOR = (0.14, 0.71)
 _CAB_STEP = 0.2
 """Station of the steps to it."""
 _LATCHBACK_STATION = 0.93
-"""Rear windows that end before this station have a boot lid behind them."""
+"""Rear windows with an end before this station have a boot lid behind them."""
 
 
 def build_trim(blueprint_id: str, body: CarSurface, width: float) -> list[MeshPart]:
@@ -90,7 +90,7 @@ def _build_mirrors(body: CarSurface, width: float) -> list[MeshPart]:
 
 
 def _build_cab_trim(body: CarSurface, width: float) -> list[MeshPart]:
-    """Build what only the cabs of trucks have: tall mirrors, a visor, and steps to the doors."""
+    """Build the special parts of truck cabs: tall mirrors, a visor, and steps to the doors."""
     (pillar,) = body.locate(COWL + 0.9, [6.6])
     low, high, x = pillar[2] - 0.28, pillar[2] + 0.24, pillar[0] + 0.06
     outer = width / 2
@@ -180,7 +180,7 @@ def _build_handles(body: CarSurface) -> list[MeshPart]:
 
 
 def _build_wipers(body: CarSurface) -> list[MeshPart]:
-    """Build two wipers that rest at the foot of the windscreen."""
+    """Build two wipers at rest at the foot of the windscreen."""
     lines = [((7.1, 9.4), (7.35, 7.9)), ((7.1, 7.7), (7.35, 9.6))]
     arms = [
         tube(body.locate(*np.transpose(line)) * (1, side, 1) + xyz(0.012, z=0.012), 0.008, sides=4)

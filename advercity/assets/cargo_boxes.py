@@ -1,4 +1,4 @@
-"""Builds what is on cargo boxes: frames, doors with seals and markings, hauliers' names."""
+"""Builds the trim of cargo boxes: frames, doors with seals and markings, hauliers' names."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -57,7 +57,7 @@ def build_model_cargo_trim(blueprint_id: str, parts: Iterable[MeshPart]) -> list
 
 
 def build_cargo_trim(blueprint_id: str, cargo: CargoBox) -> list[MeshPart]:
-    """Build what is on a cargo box: frame, doors, and the haulier's name on a stripe."""
+    """Build the trim of a cargo box: frame, doors, and the haulier's name on a stripe."""
     rear, front, side, low, _ = cargo
     out = side + 0.01
     (haulier,) = draw_hauliers(blueprint_id, 1)
@@ -152,7 +152,7 @@ def _build_marking_plates(cargo: CargoBox) -> list[MeshPart]:
 def _build_outline(
     x: float, edges: tuple[float, float, float], wide: float
 ) -> list[TriangleSurface]:
-    """Build a band that faces behind, along edges: half its width, its lower and upper height."""
+    """Build a band facing behind, along edges: half its width, its lower and upper height."""
     half, low, high = edges
     uprights = [(x, y, (low + high) / 2) for y in (-half, half)]
     levels = [(x, 0, z) for z in (low, high)]
@@ -174,7 +174,7 @@ def write_haulier(
     """Write the name of a haulier on both flanks, no longer or higher than a size.
 
     Args:
-        name: What is written.
+        name: The text.
         place: Middle of the name on the left flank (3,).
         length_m: Length up to which it is written.
         height_m: Height up to which it is written.

@@ -1,4 +1,4 @@
-"""Builds cars and vans: the shell with its windows and lamps, what is behind them, and the trim."""
+"""Builds cars and vans: the shell with its windows and lamps, the inside, and the trim."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -88,7 +88,7 @@ def _build_motor_car(blueprint_id: str, size: Size, form: CarForm) -> list[MeshP
 
 
 def build_body_on_wheels(blueprint_id: str, body: CarSurface, width: float) -> list[MeshPart]:
-    """Build all of a car, or of the cab of a truck, that does not turn; `width` has mirrors."""
+    """Build a car, or the cab of a truck, but for its wheels; `width` includes the mirrors."""
     return [
         *_build_shell(body),
         *_build_lamps(body),
@@ -137,7 +137,7 @@ def _measure_cabin(body: CarSurface) -> CabinSpace:
 
 
 def _build_floor(body: CarSurface) -> list[MeshPart]:
-    """Build what closes the car from below, and the wheel wells towards the inside."""
+    """Build the underside of the car, and the inner sides of the wheel wells."""
     low, inner = body.form.clearance_m + 0.015, 0.63 * body.half
     middle, high = low + 0.1, 0.8 * body.form.belt[0] * body.height
     nose, tail = 0.008 + 0.03 * body.form.nose_rake, 0.992 - 0.03 * body.form.tail_rake
@@ -153,7 +153,7 @@ def _build_floor(body: CarSurface) -> list[MeshPart]:
 
 
 def _list_shell_lines(body: CarSurface) -> Float64Array:
-    """List the lines u (n,) of the shell: those of its parts, and close ones around the wheels."""
+    """List the lines u (n,) of the shell: edges of parts, and close ones around the wheels."""
     arch = ARCH_RADII * body.wheel_m / body.length
     steps = arch * np.array([-1.0, -0.93, -0.6, 0.0, 0.6, 0.93, 1.0])
     edge = arch + 0.003
@@ -169,7 +169,7 @@ def _list_rows(form: CarForm) -> Float64Array:
 
 
 def _list_regions(body: CarSurface) -> list[_Region]:
-    """List the parts of the shell that are not painted; later ones lie over earlier ones."""
+    """List the unpainted parts of the shell; later ones lie over earlier ones."""
     form = body.form
     before, behind = body.u_at(form.pillar + np.array([-0.0111, 0.0111]))
     sill = 2.0 if form.is_rugged else 1.4

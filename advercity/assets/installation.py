@@ -1,4 +1,4 @@
-"""Installs what specs need of others: furniture models, people, photographs of surfaces."""
+"""Installs third-party assets of specs: furniture models, people, photographs of surfaces."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,7 +14,7 @@ from advercity.texture_packs import TEXTURE_PACKS
 
 
 def install_assets(source: Path | None, earlier: Path, report: Callable[[str], None]) -> list[str]:
-    """Install all packages that are not installed, and check the models made of them.
+    """Install all missing packages, and check the models made of them.
 
     Args:
         source: A package file, of which other packages are left alone, or a folder with package
@@ -23,7 +23,7 @@ def install_assets(source: Path | None, earlier: Path, report: Callable[[str], N
         report: Takes a line about every step.
 
     Returns:
-        What failed.
+        The failures, as texts.
 
     Raises:
         InputError: `source` does not exist, or is another file.

@@ -15,7 +15,7 @@ PLATE_SIZE_M = (0.52, 0.11)
 PLATE_TEXT_HEIGHT_M = 0.075
 PLATE_THICKNESS_M = 0.02
 LIFT_M = 0.003
-"""Distance of text from what it is on."""
+"""Distance of text from the surface behind it."""
 
 LETTERS, DIGITS = "ABCDEFGHJKLMNPRSTUVWXYZ", "0123456789"
 """Of registrations, in which I, O and Q would be taken for digits."""

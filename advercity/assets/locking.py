@@ -23,13 +23,13 @@ CONVERSION_REMEDY = (
     "install the versions of numpy, trimesh, embreex and fast-simplification that requirements.lock"
     " names, or make specs for this machine with `advercity assets lock` and `advercity compile`"
 )
-"""What to do where a model is converted to something else than locked."""
+"""Remedy if a model is converted to something else than locked."""
 
 
 def build_locks(library: Library, store: ModelStore) -> dict[Path, str]:
-    """Build the lock of every catalogue that has models of its own: its text by its file.
+    """Build the lock of every catalogue with models of its own: its text by its file.
 
-    Users' GLB files are added to the store. What is not installed keeps its locked checksum.
+    Users' GLB files are added to the store. Assets not installed keep their locked checksums.
 
     Raises:
         InputError: A GLB file cannot be read, or a lock is damaged or another file.

@@ -1,6 +1,6 @@
 """Builds the tractor units of articulated lorries.
 
-Lengths of the catalogue's are those of Directive 96/53/EC, Annex I. Heights are usual ones.
+Lengths in the catalogue are from Directive 96/53/EC, Annex I. Heights are usual ones.
 """
 
 import numpy as np
@@ -24,12 +24,12 @@ COUPLING_M = 1.17
 """Height of the upper side of a fifth wheel, and of the lower one of the semi-trailer over it."""
 _CAB_LENGTH_M, _CAB_ROOF_RATIO = 2.3, 0.955
 _MIRROR_M = 0.14
-"""What a mirror adds to half of the width."""
+"""Length added by a mirror to half of the width."""
 _WHEEL_M = 0.50
 
 
 def build_tractor(blueprint_id: str, size: Size, coupling: FifthWheel) -> list[MeshPart]:
-    """Build a tractor unit of about `size`; its rear lamps are those of the semi-trailer."""
+    """Build a tractor unit of about `size`; the semi-trailer has its rear lamps."""
     length, width, height = size
     front, half = length / 2, width / 2 - _MIRROR_M
     axle = WHEELBASE_FRACTION * length / 2
@@ -46,7 +46,7 @@ def build_tractor(blueprint_id: str, size: Size, coupling: FifthWheel) -> list[M
 
 
 def _build_deflector(cab: CabPlace, height: float) -> TriangleSurface:
-    """Build the shield on a cab's roof that leads air over the semi-trailer."""
+    """Build the shield on a cab's roof leading air over the semi-trailer."""
     low, rows = cab.height - 0.12, ((cab.behind + 1.35, 0.03), (cab.behind + 0.5, 0.85))
     rows = (*rows, (cab.behind + 0.02, 1.0))
     rings = []

@@ -1,6 +1,6 @@
 """Converts foreign models: to the body frame, metres, materials of the table, and few triangles.
 
-What cannot be seen from outside is dropped, and triangles are wound towards the viewer. Materials
+Parts invisible from outside are dropped, and triangles are wound towards the viewer. Materials
 are classified by declaration, name, colour and position.
 """
 
@@ -29,7 +29,7 @@ CONVERSION_VERSION = 3
 PROPORTION_TOLERANCE = 0.25
 """Deviation of a model's proportions from its blueprint's at which it is taken as rotated."""
 SNAP_DECIMALS = 6
-"""Decimals of metres that vertices are rounded to."""
+"""Decimals of metres in rounded vertices."""
 WELD_FRACTION = 5e-5
 """Distance at which vertices are merged, as a fraction of the part's size."""
 SHAPE_MATERIALS = frozenset({ACTOR_PAINT, "glass", "lamp_white", "lamp_red"})
@@ -38,7 +38,7 @@ SHAPE_WEIGHT = 3.0
 BODY_MIN_ELEVATION_SINE, WHEEL_MIN_ELEVATION_SINE = -0.25, -1.0
 """Lowest elevation of viewers: undersides of bodies are hidden, but wheels turn."""
 MIN_PART_TRIANGLES = 24
-"""Triangles that any part keeps."""
+"""Least number of triangles of a part."""
 SKY_DIRECTION_COUNT = 64
 SAMPLE_BARYCENTRICS = np.array([(1, 1, 1), (4, 1, 1), (1, 4, 1), (1, 1, 4)]) / np.array(
     [[3], [6], [6], [6]]
@@ -46,7 +46,7 @@ SAMPLE_BARYCENTRICS = np.array([(1, 1, 1), (4, 1, 1), (1, 4, 1), (1, 1, 4)]) / n
 """Barycentric coordinates of the points on a triangle from which rays to the sky start."""
 RAY_OFFSET_M = 2e-3
 LENS_PARTS = frozenset({"glass", "headlamp", "tail_lamp"})
-"""Parts that are reclassified by their position on the body."""
+"""Parts classified again by their position on the body."""
 MATERIAL_BY_PART: dict[str, str] = {
     "paint": ACTOR_PAINT,
     "white_paint": "car_paint_white",
@@ -64,7 +64,7 @@ MATERIAL_BY_PART: dict[str, str] = {
     "tail_lamp": "lamp_red",
     "indicator": "lamp_amber",
 }
-"""Key of MATERIALS of every part that is kept."""
+"""Key of MATERIALS of every kept part."""
 
 _PART_PATTERNS: tuple[tuple[str, MaterialPart], ...] = (
     (r"tail|brake.?light|rear.?light|back.?light|red.?light|glass_red", "tail_lamp"),
@@ -87,7 +87,7 @@ def convert_model(parts: Iterable[ModelPart], model: BodyModel, size: Size) -> l
     triangles. They are scaled to the blueprint's `size`.
 
     Raises:
-        RunError: No part is left, or the proportions are not those of the blueprint.
+        RunError: No part is left, or the proportions differ from the blueprint's.
     """
     rest, wheels = _separate(parts, model, size)
     visible = _keep_visible(_group_by_material(rest, model, size), BODY_MIN_ELEVATION_SINE)
@@ -100,7 +100,7 @@ def convert_model(parts: Iterable[ModelPart], model: BodyModel, size: Size) -> l
 def project_model_images(
     parts: Iterable[ModelPart], converted: Sequence[ModelPart], model: BodyModel, size: Size
 ) -> list[ModelImage]:
-    """Find the images of a model on the parts that `convert_model` made of it."""
+    """Find the images of a model on the parts made by `convert_model`."""
     rest, wheels = _separate(parts, model, size)
     sources = [
         replace(
@@ -121,7 +121,7 @@ def project_model_images(
 def _separate(
     parts: Iterable[ModelPart], model: BodyModel, size: Size
 ) -> tuple[list[ModelPart], list[list[ModelPart]]]:
-    """Bring a model into the body frame: what does not turn, and its wheels."""
+    """Bring a model into the body frame: its body and its wheels."""
     kept = [part for part in parts if classify_material(part.material, model.materials) != "none"]
     if not kept:
         raise RunError(f"{format_model_name(model)}: none of its materials maps to a part")
@@ -194,7 +194,7 @@ def _classify_triangles(part: ModelPart, model: BodyModel, size: Size) -> NDArra
 
 
 def _weld_parts(material: str, parts: Sequence[ModelPart]) -> ModelPart:
-    """Join parts into one, and merge vertices that coincide."""
+    """Join parts into one, and merge coincident vertices."""
     corners = np.concatenate([part.vertices[part.triangles] for part in parts]).reshape(-1, 3)
     cell = WELD_FRACTION * np.ptp(corners, axis=0).max() + 1e-6
     grid = np.round(corners / cell).astype(np.int64)
@@ -223,7 +223,7 @@ def _keep_visible(parts: Sequence[ModelPart], min_elevation_sine: float) -> list
 
 
 def _simplify_parts(parts: Sequence[ModelPart], budget: int) -> list[ModelPart]:
-    """Simplify the parts to about `budget` triangles; parts that make the shape keep more."""
+    """Simplify the parts to about `budget` triangles; parts of the shape keep more."""
     total = sum(len(part.triangles) for part in parts)
     if total <= budget:
         return list(parts)

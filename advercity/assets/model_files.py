@@ -33,7 +33,7 @@ class ModelPart:
         material: Name in the file; in converted models a key of MATERIALS.
         vertices: (n, 3).
         triangles: (m, 3) into `vertices`.
-        wheel: Number of the wheel that the part belongs to, from 1; 0 if it does not turn.
+        wheel: Number of the part's wheel, from 1; 0 if it does not turn.
         image: (h, w, 3) RGB of its texture, or None.
         uv: (m, 3, 2) of the corners of triangles on the image, to the right and up, 1 for its size.
     """
@@ -99,7 +99,7 @@ def _parse_corner(word: str, vertices: int, texcoords: int) -> tuple[int, int]:
 
 
 def _load_textures(files: Mapping[str, bytes]) -> dict[str, Uint8Array]:
-    """Load the diffuse textures (h, w, 3), RGB, of materials that have one."""
+    """Load the diffuse textures (h, w, 3), RGB, of materials with one."""
     textures: dict[str, Uint8Array] = {}
     for name, content in files.items():
         if not name.endswith(".mtl"):
@@ -119,7 +119,7 @@ def _load_textures(files: Mapping[str, bytes]) -> dict[str, Uint8Array]:
 def to_glb(parts: list[ModelPart]) -> bytes:
     """Export parts as a GLB; the same parts give the same bytes.
 
-    Meshes are named after their materials, those of wheels followed by `@` and the wheel's number.
+    Meshes are named after their materials; meshes of wheels add `@` and the wheel's number.
     """
     # trimesh takes a while to load, and procedural bodies do without it.
     import trimesh
@@ -174,7 +174,7 @@ def _read_image(mesh: "trimesh.Trimesh") -> tuple[Uint8Array | None, Float64Arra
 
 
 def compute_parts_digest(parts: Iterable[ModelPart]) -> str:
-    """Compute the SHA-256 of converted parts, whatever the version of the file's writer."""
+    """Compute the SHA-256 of converted parts, independent of the GLB writer's version."""
     digest = hashlib.sha256()
     for part in parts:
         shape = f"{part.material} {part.wheel} {len(part.vertices)} {len(part.triangles)}\n"

@@ -34,7 +34,7 @@ _CHUNK = 128
 _FARTHEST = 2.0
 """How far beyond the nearest triangle its texture coordinates go on, in sizes of it."""
 MAX_WIDTH_M = 200.0
-"""Images that seem wider are a single point of their file, which shows no more than the table."""
+"""Wider images are a single point of their file, with no more information than the table."""
 _NAME = re.compile(r"([0-9a-f]{64})/(\d+)")
 
 
@@ -99,7 +99,7 @@ def pack_images(images: Sequence[ModelImage]) -> bytes:
 
 
 def read_images(path: Path) -> list[ModelImage]:
-    """Read the images of a model that were packed.
+    """Read the packed images of a model.
 
     Raises:
         RunError: The file is something else.
@@ -121,11 +121,11 @@ def _parse_image(arrays: Mapping[str, NDArray[Any]], number: int) -> ModelImage:
 
 
 def compute_images_digest(images: Iterable[ModelImage]) -> str:
-    """Compute the SHA-256 of what images show; where they show it is part of the bodies."""
+    """Compute the SHA-256 of images' content; their placement is part of the bodies."""
     digest = hashlib.sha256()
     for image in images:
         maps = image.maps
-        # Rounded as coordinates of worlds are, so that all processors give the same digest.
+        # Rounded like coordinates of worlds: all processors give the same digest.
         numbers = [round(value, 9) for value in (maps.tile_m, *(maps.mean or ()))]
         digest.update(f"{maps.color.shape} {maps.color.dtype} {numbers}\n".encode())
         digest.update(np.ascontiguousarray(maps.color).tobytes())
@@ -137,8 +137,8 @@ def project_images(
 ) -> list[ModelImage]:
     """Find the images of the materials of converted parts.
 
-    `sources` are of the file, in the body frame: their materials and wheels are those of converted
-    parts, with the images of the file.
+    `sources` are the file's parts in the body frame, with the materials and wheels of converted
+    parts and the images of the file.
     """
     images: list[ModelImage] = []
     for material in dict.fromkeys(part.material for part in converted):
@@ -157,7 +157,7 @@ class _Placement:
 
     Attributes:
         tile: (m,) number of the image, -1 for none.
-        uv: (m, 3, 2) in [0, 1] of that image.
+        uv: (m, 3, 2) in [0, 1] of this image.
         area_m2: (m,).
     """
 
@@ -178,7 +178,7 @@ def _project_image(
         np.concatenate([p.uv for p in placements.values()]),
         np.concatenate([p.area_m2 for p in placements.values()]),
     )
-    # A power of two; what has no image gets an even tile of the mean.
+    # A power of two; triangles without an image get an even tile of the mean.
     tiles = len(atlas) + bool((joined.tile < 0).any())
     count = 1 << (tiles - 1).bit_length()
     is_paint = next(iter(parts.values())).material == ACTOR_PAINT
@@ -225,7 +225,7 @@ def _find(atlas: Sequence[Uint8Array], image: Uint8Array | None) -> int:
 
 
 def _find_nearest(points: Float64Array, corners: Float64Array) -> NDArray[np.int64]:
-    """Find the triangles (m, 3, 3) that are nearest to points (n, 3), by some points of each."""
+    """Find the triangles (m, 3, 3) nearest to points (n, 3), by some points of each."""
     samples = np.concatenate([(corners * w[:, None]).sum(axis=1) for w in _SAMPLES])
     samples = samples.astype(np.float32)
     found: list[NDArray[np.int64]] = []
@@ -242,7 +242,7 @@ def _extrapolate(
 ) -> Float64Array:
     """Compute coordinates (m, 3, 2) in [0, 1] of targets (m, 3, 3) in the planes of triangles.
 
-    Those (m, 3, 2) of the triangles may count from any copy of the image.
+    Given coordinates (m, 3, 2) of the triangles may count from any copy of the image.
     """
     first, second = (corners[:, n] - corners[:, 0] for n in (1, 2))
     offset = targets - corners[:, :1]
@@ -270,7 +270,7 @@ def _draw_atlas(images: Sequence[Uint8Array], count: int, *, is_grey: bool) -> U
 
 
 def _compute_mean(color: Uint8Array, joined: _Placement) -> tuple[float, float, float]:
-    """Compute the mean light (3,) of an atlas on the triangles that have an image."""
+    """Compute the mean light (3,) of an atlas on the triangles with an image."""
     shown = joined.tile >= 0
     weight = np.maximum(joined.area_m2[shown], 1e-12)
     total = np.zeros(3)
@@ -285,12 +285,12 @@ def _compute_mean(color: Uint8Array, joined: _Placement) -> tuple[float, float, 
 
 
 def _to_srgb(light: tuple[float, float, float]) -> Uint8Array:
-    """Find the bytes (3,) of sRGB that are nearest to a light."""
+    """Find the bytes (3,) of sRGB nearest to a light."""
     return np.abs(LINEAR_FROM_SRGB - np.array(light)[:, None]).argmin(axis=1).astype(np.uint8)
 
 
 def _compute_width(joined: _Placement, count: int) -> float:
-    """Compute the width in metres of an atlas that keeps the area of triangles on the surface."""
+    """Compute the width in metres at which an atlas keeps the area of triangles."""
     shown = joined.tile >= 0
     placed = _place_on_atlas(joined, count)[shown]
     a, b = placed[:, 1] - placed[:, 0], placed[:, 2] - placed[:, 0]

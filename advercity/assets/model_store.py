@@ -84,12 +84,12 @@ class ModelStore:
 
     @property
     def has_package(self) -> bool:
-        """Whether the asset package is installed, in the version that models are made from."""
+        """Whether the asset package is installed, in the supported version."""
         return is_unpacked(self.package, self.package_folder)
 
     @property
     def has_people(self) -> bool:
-        """Whether the package of people is installed, in the version that they are made from."""
+        """Whether the package of people is installed, in the supported version."""
         return is_unpacked(self.people_package, self.people_folder)
 
     def install_people(self, source: Path | None = None) -> None:
@@ -130,7 +130,7 @@ class ModelStore:
         return is_wanted or len(_list_stored_models(self.folder / "own")) > had
 
     def remove_package(self) -> None:
-        """Delete the asset packages, but for files that were changed, and all converted models.
+        """Delete the asset packages, but for changed files, and all converted models.
 
         Raises:
             InputError: A folder is a link, or a package was unpacked by an earlier version.
@@ -226,7 +226,7 @@ class ModelStore:
         return self.folder / "models" / f"{key}.{suffix}"
 
     def _find_source_digest(self, model: BodyModel) -> str | None:
-        """Find the digest of the file that holds a model; None if it is not installed."""
+        """Find the digest of the file with a model; None if it is not installed."""
         if model.pack is not None:
             return self.package.sha256 if self.has_package else None
         if model.person is not None:

@@ -65,7 +65,7 @@ class Tyre:
         return np.column_stack([offset[:, :2] @ (x, y), offset[:, :2] @ (-y, x), offset[:, 2]])
 
     def contains(self, points: Float64Array) -> bool:
-        """Return whether points (n, 3) lie in its cylinder, so that they turn with it."""
+        """Return whether points (n, 3) lie in its cylinder, and so turn with it."""
         along, lateral, up = self.to_tyre_frame(points).T
         radius = (along / self.radii[0]) ** 2 + (up / self.radii[1]) ** 2
         half_width = self.half_width + RIM_OVERHANG_M
@@ -79,7 +79,7 @@ class Tyre:
 
 
 def separate_wheels(parts: Iterable[ModelPart]) -> tuple[list[ModelPart], list[list[ModelPart]]]:
-    """Separate a model, in the body frame, into what does not turn and its wheels, unsteered."""
+    """Separate a model, in the body frame, into its body and its wheels, unsteered."""
     pieces = [piece for part in parts for piece in _split_connected(part)]
     fits = [Tyre.from_points(get_used_vertices(piece)) for piece in pieces]
     groups = _group_twin_tyres([tyre for tyre in fits if tyre is not None])
@@ -101,13 +101,13 @@ def separate_wheels(parts: Iterable[ModelPart]) -> tuple[list[ModelPart], list[l
 
 
 def _compute_axle_x_m(tyre: Tyre, tyres: Sequence[Tyre]) -> float:
-    """Average the hubs of an axle: steering moves those of a model's front wheels apart."""
+    """Average the hubs of an axle: steering moves the front wheels of a model apart."""
     near = [t.hub[0] for t in tyres if abs(t.hub[0] - tyre.hub[0]) < TWIN_TYRE_DISTANCE_M]
     return float(np.mean(near))
 
 
 def get_used_vertices(part: ModelPart) -> Float64Array:
-    """Return the vertices (n, 3) that triangles of a part use; parts may share one array."""
+    """Return the vertices (n, 3) used by triangles of a part; parts may share one array."""
     return part.vertices[np.unique(part.triangles)]
 
 
@@ -130,7 +130,7 @@ def _split_connected(part: ModelPart) -> list[ModelPart]:
 
 
 def _label_components(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Label triangles (m, 3) by the lowest vertex (m,) that each is connected with."""
+    """Label triangles (m, 3) by the lowest vertex (m,) connected with each."""
     # Labels spread in a few rounds over whole arrays; trimesh's own search needs scipy or loops.
     label = np.arange(int(triangles.max(initial=-1)) + 1)
     while True:
@@ -144,7 +144,7 @@ def _label_components(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _group_twin_tyres(tyres: Sequence[Tyre]) -> list[list[Tyre]]:
-    """Group tyres that are side by side, from front to rear."""
+    """Group tyres lying side by side, from front to rear."""
     groups: list[list[Tyre]] = []
     for tyre in sorted(tyres, key=lambda tyre: -tyre.hub[0]):
         for group in groups:

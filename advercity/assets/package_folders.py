@@ -15,7 +15,7 @@ from advercity.errors import InputError, report_write_errors
 _logger = logging.getLogger(__name__)
 
 DIGEST_FILE = "package.sha256"
-"""File with the SHA-256 of the package that was unpacked, and a line for each unpacked file."""
+"""File with the SHA-256 of the unpacked package, and a line for each unpacked file."""
 _FILE_LINE = re.compile(rb"([0-9a-f]{64})  ([^/\0]+)")
 
 
@@ -26,14 +26,14 @@ def is_unpacked(package: AssetPackage, folder: Path) -> bool:
 
 
 def is_damaged(folder: Path) -> bool:
-    """Return whether it cannot be read which package a folder has, in whatever version."""
+    """Return whether the digest of a folder's package is unreadable, in any version."""
     path = folder / DIGEST_FILE
     return path.is_file() and not re.match(rb"[0-9a-f]{64}(\n|$)", path.read_bytes())
 
 
 @contextmanager
 def open_new_package(package: AssetPackage, folder: Path) -> Generator[Path]:
-    """Yield an empty folder; at the end it takes the place of a package that was unpacked before.
+    """Yield an empty folder; at the end it replaces the package unpacked before.
 
     Raises:
         InputError: `folder` is a link, or holds other or changed files; before anything is done.
@@ -51,12 +51,12 @@ def open_new_package(package: AssetPackage, folder: Path) -> Generator[Path]:
 
 
 def remove_package(folder: Path) -> None:
-    """Delete the files of a package that are as they were unpacked, and say which are not.
+    """Delete the unchanged files of a package, and warn about changed ones.
 
     The folder goes, too, if nothing else is in it.
 
     Raises:
-        InputError: The folder is a link, or does not say what was unpacked.
+        InputError: The folder is a link, or does not list its unpacked files.
     """
     check_is_no_link(folder)
     record = folder / DIGEST_FILE
@@ -96,7 +96,7 @@ def _check_is_replaceable(folder: Path) -> None:
 
 
 def _list_unchanged_files(folder: Path) -> list[str]:
-    """List the names of files that are as they were unpacked."""
+    """List the names of unchanged unpacked files."""
     unchanged: list[str] = []
     for name, digest in _read_digests(folder).items():
         with suppress(OSError):  # gone, or a link or folder

@@ -48,7 +48,7 @@ def install_package(package: AssetPackage, folder: Path, source: Path | None = N
     Args:
         package: The package.
         folder: Where to unpack it.
-        source: The package file, or a folder that holds it; None downloads it.
+        source: The package file, or a folder with it; None downloads it.
 
     Raises:
         InputError: `source` does not exist, or is another file, or `folder` holds other files.
@@ -122,7 +122,7 @@ class SourceModel:
 
     Attributes:
         obj: Wavefront text.
-        files: Materials and textures that it may refer to, by name.
+        files: Possibly referenced materials and textures, by name.
         author: Author according to the catalogue of the collection.
         licence: Licence of the collection.
     """

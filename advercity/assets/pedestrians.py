@@ -64,7 +64,7 @@ _SEAT_BELOW_HIP_M = 0.085
 PUSH_FRACTION = 0.44
 """Fraction of a cycle in which hands turn the wheels of a wheelchair."""
 WHEELCHAIR_PUSH_RAD = 2 * np.pi * 6 / SPOKE_COUNT * PUSH_FRACTION
-"""Turn of the wheels in a push: six spokes in a cycle, so that poses repeat."""
+"""Turn of the wheels in a push: six spokes in a cycle, so poses repeat."""
 _PUSH_START_RAD = np.radians(-38.0)
 _SITTER_TOP = "cloth_grey"
 _SITTER_HEIGHT_M = 1.64
@@ -112,7 +112,7 @@ class Figure:
     Attributes:
         build: Its proportions.
         rest: Posture (joints, 3) of standing.
-        skin: Builds what is seen of it in a posture.
+        skin: Builds its visible surfaces in a posture.
         umbrella: Colour of an umbrella, or none.
     """
 
@@ -175,15 +175,15 @@ def _skin_shells(shells: Iterable[tuple[Shell, str]]) -> list[SkinnedSurface]:
 
 
 def build_walker(figure: Figure, looks: PedestrianAppearance, size: Size, sitter: Figure) -> Body:
-    """Build a body that, with all its poses and what moves with it, just fills the box of `size`.
+    """Build a body; all its poses, with the things moving with it, just fill the box of `size`.
 
     The length of the box sets the stride; a standing person is as wide and high as the box.
 
     Args:
         figure: The person.
-        looks: What moves with it, and in which colour.
+        looks: Its attachment, and the colour of it.
         size: The box.
-        sitter: Who sits in a wheelchair that it pushes.
+        sitter: The person in the wheelchair, if the figure pushes one.
     """
     if looks.attachment != "none":
         attached = _build_attached_walker(figure, looks, size, sitter)
@@ -200,14 +200,14 @@ def build_walker(figure: Figure, looks: PedestrianAppearance, size: Size, sitter
     if figure.umbrella is None or body.gait is None:
         return fitted
     with_umbrella = _build_umbrella_body(figure, body.gait.cycle_length_m, size)
-    # The same scale as without, so that the same feet touch the ground and the same box holds.
+    # The scale without an umbrella: the same feet touch the ground and the same box holds.
     return replace(fitted, with_umbrella=scale_body(with_umbrella, factor, offset))
 
 
 def _build_attached_walker(
     figure: Figure, looks: PedestrianAppearance, size: Size, sitter: Figure
 ) -> Body:
-    """Build a person with what moves with it, in metres of its own."""
+    """Build a person with its attachment, unscaled."""
     cloth = f"cloth_{looks.bag_colour}"
     if looks.attachment == "wheelchair":
         return _build_wheelchair_user(figure, cloth, size)
@@ -272,7 +272,7 @@ def _build_wheelchair_user(figure: Figure, cloth: str, size: Size) -> Body:
 def _attach(
     limbs: Sequence[SkinnedSurface], gait: Gait, attachment: Attachment, size: Size
 ) -> Body:
-    """Join a person and what moves with it, whose bones follow its own."""
+    """Join a person and its attachment; the attachment's bones follow the person's."""
     own, more = len(BONE_SIDES), attachment.bone_transforms.shape[1]
     joined = [
         *(replace(limb, weights=np.pad(limb.weights, ((0, 0), (0, more)))) for limb in limbs),
@@ -287,7 +287,7 @@ def _attach(
 
 
 def draw_looks(blueprint_id: str, height_m: float) -> PedestrianAppearance:
-    """Draw the looks of a blueprint that does not declare them."""
+    """Draw the looks of a blueprint without declared looks."""
     # Each field is one draw, in this order: another order would dress everyone anew.
     draw = create_generator("pedestrian", blueprint_id)
     child = height_m < _CHILD_MAX_HEIGHT_M
@@ -329,7 +329,7 @@ def _solve_stride_m(
 
 
 def _build_umbrella_body(figure: Figure, stride_m: float, size: Size) -> Body:
-    """Build the walker with a raised right hand that holds an umbrella."""
+    """Build the walker with an umbrella in a raised right hand."""
     build = figure.build
     rest = raise_right_forearm(figure.rest, build)
     walking = compute_walking_postures(build, figure.rest, stride_m, POSES_PER_CYCLE)

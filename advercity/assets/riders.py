@@ -48,7 +48,7 @@ class Seat:
 
 @dataclass(frozen=True, eq=False)
 class Rider:
-    """A figure that meets the constraints of its seat.
+    """A figure meeting the constraints of its seat.
 
     Attributes:
         build: Proportions at which the helmet is at its declared height.
@@ -62,7 +62,7 @@ class Rider:
 
     @staticmethod
     def from_seat(seat: Seat) -> "Rider":
-        """Find the least lean, in whole degrees more than the seat's, that reaches the grips."""
+        """Find the least lean to reach the grips, in whole degrees more than the seat's."""
         leans = np.arange(seat.lean_rad, _MAX_LEAN_RAD, np.radians(1.0))
         riders = [Rider.with_lean(seat, float(lean_rad)) for lean_rad in leans]
         return next((rider for rider in riders if rider.can_reach_grips()), riders[-1])

@@ -14,9 +14,9 @@ from advercity.semantics import Semantic
 from advercity.world import Body, Gait
 
 POSES_PER_CYCLE = 16
-"""Poses of a gait; between two of them the whole body is shifted, so that feet do not slide."""
+"""Poses of a gait; between two of them the whole body is shifted, so feet do not slide."""
 _KEPT_POSES = 2048
-"""Poses whose vertices are kept: those of 128 people, some 75 MB."""
+"""Poses with kept vertices: enough for 128 people, some 75 MB."""
 _FIT_ITERATIONS = 4
 _ROUNDING_M = 1e-4
 """More than places of points differ by rounding."""
@@ -77,11 +77,11 @@ def _merge_surfaces(material: str, semantic: Semantic, limbs: Sequence[SkinnedSu
 
 @dataclass(frozen=True, eq=False)
 class _Skin:
-    """Points and the bones that move each: one or two of many, as a rule.
+    """Points and the bones moving each: one or two of many, as a rule.
 
     Attributes:
         points: (n, 3) float32 at rest.
-        bones: Of all points the first bone that moves it, then of those that have one the second,
+        bones: First the first bone of every point, then the second bone of the points with two,
             and so on: rows (m,) of the points, bones (m,), weights (m, 1).
     """
 
@@ -100,7 +100,7 @@ class _Skin:
         return cls(points, tuple(bones))
 
     def blend(self, transforms: Float32Array) -> Float32Array:
-        """Blend the transforms of bones (bones, 3, 4) to those of the points (n, 3, 4)."""
+        """Blend the transforms of bones (bones, 3, 4) to transforms of the points (n, 3, 4)."""
         # Not by a product of matrices: OpenBLAS sums in another order on every kind of processor.
         flat = transforms.reshape(len(transforms), -1)
         (_, first, weights), *others = self.bones
@@ -158,7 +158,7 @@ def _join_vertices(parts: Sequence[Mesh]) -> Float32Array:
 
 
 def _turn_normals(normals: Float32Array | None, rotations: Float32Array) -> Float32Array | None:
-    """Turn normals (n, 3) by rotations (n, 3, 3) that may also stretch."""
+    """Turn normals (n, 3) by rotations (n, 3, 3), possibly with a stretch."""
     if normals is None:
         return None
     turned = np.einsum("nij,nj->ni", rotations, normals)
@@ -166,7 +166,7 @@ def _turn_normals(normals: Float32Array | None, rotations: Float32Array) -> Floa
 
 
 def fit_to_box(body: Body, size: Size) -> Body:
-    """Stretch a body so that all its poses together touch every side of its box."""
+    """Stretch a body until all its poses together touch every side of its box."""
     # Wheels stay round, so the first stretch misses the box a little.
     for _ in range(_FIT_ITERATIONS):
         body = scale_body(body, *compute_box_fit(body, size))
@@ -174,7 +174,7 @@ def fit_to_box(body: Body, size: Size) -> Body:
 
 
 def compute_box_fit(body: Body, size: Size) -> tuple[Float64Array, Float64Array]:
-    """Compute the factor (3,) and the offset (3,) that make a body fill its box."""
+    """Compute the factor (3,) and the offset (3,) to fill a box with a body."""
     low, high = compute_extent(body)
     factor = np.asarray(size) / (high - low)
     return factor, -((low + high) / 2 * (1, 1, 0) + low * (0, 0, 1)) * factor
@@ -208,7 +208,7 @@ def compute_extent(body: Body) -> tuple[Float64Array, Float64Array]:
 def _find_outermost_points(
     weights: Float32Array, poses: Float32Array, points: Float32Array
 ) -> IndexArray:
-    """Find the rows of the points (n, 3) that may be the farthest along an axis in some pose.
+    """Find the rows of the points (n, 3) possibly farthest along an axis in some pose.
 
     A product of matrices is fast, but rounds in another way on every kind of processor: it finds
     the few points whose places are then computed.

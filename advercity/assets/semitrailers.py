@@ -1,6 +1,6 @@
 """Builds semi-trailers: curtain-sided and refrigerated ones, each of several hauliers.
 
-Lengths of the catalogue's are those of Directive 96/53/EC, Annex I. Heights are usual ones.
+Lengths in the catalogue are from Directive 96/53/EC, Annex I. Heights are usual ones.
 """
 
 import numpy as np
@@ -30,7 +30,7 @@ _LEGS_BEHIND_KINGPIN_M = 2.55
 """Beyond the circle in which the rear of a tractor unit swings, of 2.1 m."""
 _STRAP_SPACING_M = 0.62
 _COOLER_M = 0.42
-"""Depth of the unit that refrigerates, at the front."""
+"""Depth of the refrigeration unit, at the front."""
 
 
 def build_semitrailers(blueprint_id: str, size: Size, running: SemiTrailer) -> list[list[MeshPart]]:
@@ -67,7 +67,7 @@ def _build_semitrailer(
 
 
 def _build_cooled_body(name: str, cargo: CargoBox) -> list[MeshPart]:
-    """Build the unit that refrigerates, and the haulier's name on a slanted field of paint."""
+    """Build the refrigeration unit, and the haulier's name on a slanted field of paint."""
     front, high = cargo.front, cargo.high - 0.25
     unit = box((front, -0.95, 1.9), (front + _COOLER_M - 0.01, 0.95, high))
     grilles = [

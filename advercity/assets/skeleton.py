@@ -33,7 +33,7 @@ class Joint(IntEnum):
 
 
 LEFT_TO_RIGHT_JOINT = len(Joint) - Joint.SHOULDER
-"""Offset from the number of a left joint to that of the right one."""
+"""Offset from the number of a left joint to the right one's."""
 JOINT_COUNT = len(Joint) + LEFT_TO_RIGHT_JOINT
 
 
@@ -82,7 +82,7 @@ class BodyBuild:
 
     @property
     def head_m(self) -> float:
-        """Height of the head; those of children are nearly as large as those of adults."""
+        """Height of the head; children's heads are nearly as large as adults'."""
         return 0.225 * (0.45 + 0.55 * self.height_m / 1.75)
 
     @property
@@ -373,7 +373,7 @@ def move_hands(
 def compute_sitting_posture(
     rest: Float64Array, build: BodyBuild, pelvis: Float64Array, sole_z_m: float
 ) -> Float64Array:
-    """Compute the posture (joints, 3) of sitting, from that of standing.
+    """Compute the sitting posture (joints, 3) from the standing one.
 
     The back leans by `SITTING_LEAN_RAD`, thighs are level, and soles are at a height.
 

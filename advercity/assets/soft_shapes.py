@@ -1,7 +1,7 @@
-"""Builds smooth surfaces around round cones that blend into each other: limbs, heads and garments.
+"""Builds smooth surfaces around merging round cones: limbs, heads and garments.
 
 A soft shape is a signed distance field, negative inside. Its surface is found by surface nets
-(Gibson 1998): a vertex in every cell of a grid that the surface crosses, then moved onto it.
+(Gibson 1998): a vertex in every grid cell crossed by the surface, then moved onto it.
 
 A figure places cones on its skeleton. Lengths are fractions of the figure's height, on the head
 fractions of the head's height, unless their names end in `_m`.
@@ -24,7 +24,7 @@ _GRADIENT_STEP_M = 1e-4
 _WEIGHT_FALLOFF_M = 0.022
 """Distance over which the weight of a bone falls off, outside its own cones."""
 _CELL_SCALE = 1.3
-"""Factor on cell sizes that suit a close-up: people are seen from some metres."""
+"""Factor on cell sizes for close-ups: people are seen from some metres."""
 _SEAM_WIDTH_M = 0.03
 """Width of the strip in the middle where bones of both sides have weight."""
 
@@ -37,7 +37,7 @@ class RoundCone:
         start: (3,) first centre of the ball, metres.
         end: (3,) last centre.
         radii: Radii of the ball at both, metres.
-        bone: Number of the bone that it moves with.
+        bone: Number of its bone.
         width_ratio: Width of the ball (along y) over its depth.
     """
 
@@ -69,7 +69,7 @@ class SoftShape:
         chains: Cones of limbs and of the trunk.
         blend_m: Distance between chains at which they begin to merge.
         cell_m: Size (x, y, z) of the grid cells of the surface.
-        smooth_m: The same distance within a chain, small so that the surface hardly bulges.
+        smooth_m: The same distance within a chain, small so the surface hardly bulges.
         hems: Height below which each chain is cut off; empty: no chain is.
     """
 
@@ -273,7 +273,7 @@ class Figure:
         spine = np.linalg.norm(self.posture[Joint.NECK] - self.posture[Joint.PELVIS])
         scale = self.build.height_m
         offset = scale * (fore * np.cross(across, up) + left * across)
-        # The spine of a standing figure is 0.27 heights long; that of a rider may differ.
+        # The spine of a standing figure is 0.27 heights long; a rider's may differ.
         return self.posture[Joint.PELVIS] + offset + high / 0.27 * spine * up
 
     def stack_trunk_sections(self, sections: tuple[TrunkSection, ...]) -> Chain:

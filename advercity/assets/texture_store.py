@@ -1,4 +1,4 @@
-"""Stores photographs of surfaces: of each package one `.zip` with the files that are used."""
+"""Stores photographs of surfaces: one `.zip` with the used files for each package."""
 
 import hashlib
 import io
@@ -28,7 +28,7 @@ from advercity.texture_packs import TextureFile, TexturePack
 _logger = logging.getLogger(__name__)
 
 NPM_FOLDER = "package"
-"""Folder in npm's package files that holds all files."""
+"""Folder of all files in npm's package files."""
 ATTRIBUTION_FILE = "ATTRIBUTION.md"
 _DATE = (1980, 1, 1, 0, 0, 0)
 
@@ -39,7 +39,7 @@ def open_texture_store() -> "TextureStore":
 
 
 def describe_package(pack: TexturePack) -> AssetPackage:
-    """Describe the package that a pack is taken from."""
+    """Describe the package of a pack."""
     return AssetPackage(pack.package, pack.version, pack.sha256, pack.size_bytes, "npm")
 
 
@@ -70,7 +70,7 @@ class TextureStore:
         return True
 
     def remove(self, pack: TexturePack) -> None:
-        """Delete a pack; one that is not as it was stored stays, and a warning says so.
+        """Delete a pack; a changed one stays, and a warning says so.
 
         Raises:
             InputError: The folder is a link.

@@ -48,7 +48,7 @@ _SPORT_LEAN_DEG = 15.0
 
 
 class BicycleBone(IntEnum):
-    """Bones of a bicycle; their numbers follow those of its rider."""
+    """Bones of a bicycle, numbered after its rider's."""
 
     FRAME = len(BONE_SIDES)
     CRANKS = FRAME + 1
@@ -91,7 +91,7 @@ def build_bicycle(blueprint_id: str, size: Size) -> Body:
 
 
 def build_parked_bicycle(size: Size, paint: str) -> list[MeshPart]:
-    """Build a bicycle without a rider or lamps, x forward, upright; `size` is that with its rider.
+    """Build a bicycle without a rider or lamps, x forward, upright; `size` includes a rider.
 
     It has few materials, since a world has a mesh for each.
     """
@@ -424,7 +424,7 @@ def _build_engine(rear: Float64Array, length: float) -> list[TriangleSurface]:
 
 
 def _build_finned_cylinder(foot: Float64Array, head: Float64Array) -> TriangleSurface:
-    """Build a cylinder with cooling fins, square as those of most motorcycles."""
+    """Build a cylinder with cooling fins, square as on most motorcycles."""
     place = np.linspace(0.0, 1.0, 4 * _FIN_COUNT)
     is_fin = np.arange(4 * _FIN_COUNT) % 4 < 2
     return tube(foot + place[:, None] * (head - foot), np.where(is_fin, 0.14, 0.115), sides=4)

@@ -1,4 +1,4 @@
-"""Builds parts that vehicles of several classes have: wheels and indicators."""
+"""Builds parts common to vehicles of several classes: wheels and indicators."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -34,9 +34,9 @@ INDICATOR_MATERIALS = {1: f"{INDICATOR_GLASS}_left", -1: f"{INDICATOR_GLASS}_rig
 """Materials of indicators on the left (y > 0) and on the right: the sides blink separately."""
 _INDICATOR_HALF_SIZE_M = np.array([0.05, 0.045, 0.035])
 _INDICATOR_INSET_M = 0.035
-"""Distance of an added indicator behind the front of the lens that it is set into."""
+"""Distance of an added indicator behind the front of its lens."""
 _OUTER_FRACTION = 0.75
-"""Lateral position of the vertices that an indicator is placed by, as a fraction of the lens's."""
+"""Lateral position of the vertices for placing an indicator, as a fraction of the lens's."""
 _MIN_LATERAL_M = 0.09
 
 WheelBuilder = Callable[[Float64Array, float, float], list[MeshPart]]
@@ -51,7 +51,7 @@ def make_vehicle_parts(
 
 
 def set_layer(layer: MeshLayer, parts: Iterable[MeshPart]) -> list[MeshPart]:
-    """Set what of a body parts are."""
+    """Set the layer of parts of a body."""
     return [replace(part, layer=layer) for part in parts]
 
 
@@ -133,7 +133,7 @@ def compute_rolling_transforms(hub: Float64Array, turns: Float64Array) -> Float6
 def add_indicators(parts: Sequence[Mesh]) -> tuple[Mesh, ...]:
     """Give a vehicle an indicator at each corner.
 
-    Amber glass that the body has already is split into left and right. Without any, small lenses
+    Amber glass on the body is split into left and right. Without any, small lenses
     are added at the outer ends of the white glass in front and of the red glass behind.
     """
     amber = [part for part in parts if part.material == INDICATOR_GLASS]
@@ -144,7 +144,7 @@ def add_indicators(parts: Sequence[Mesh]) -> tuple[Mesh, ...]:
 
 
 def _split_by_side(part: Mesh) -> Iterator[Mesh]:
-    """Split a mesh into one of the triangles on the left and one of those on the right."""
+    """Split a mesh into its triangles on the left and on the right."""
     middle = part.vertices[part.triangles][..., 1].mean(axis=1)
     for left, material in INDICATOR_MATERIALS.items():
         triangles = part.triangles[(middle >= 0) == (left > 0)]

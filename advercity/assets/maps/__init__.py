@@ -1,1 +1,1 @@
-"""Bakes images of materials: colour, relief and gloss of a square that repeats without a seam."""
+"""Bakes images of materials: colour, relief and gloss of a square tile without visible seams."""

@@ -1,4 +1,4 @@
-"""The surfaces that are baked: what paints each, how large its tile is, which material it is."""
+"""The baked surfaces: the painter, the size of the tile and the material of each."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from advercity.materials import MATERIALS
 
 @dataclass(frozen=True)
 class BakedSurface:
-    """A surface that is baked.
+    """A baked surface.
 
     Attributes:
         paint: Paints a tile of it.

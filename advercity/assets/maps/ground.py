@@ -1,4 +1,4 @@
-"""Paints what lies underfoot: asphalt, slabs, kerbs, gravel, soil, grass, crops."""
+"""Paints surfaces underfoot: asphalt, slabs, kerbs, gravel, soil, grass, crops."""
 
 import numpy as np
 
@@ -177,5 +177,5 @@ def _colour_blades(tile: Tile, key: str, blades: Blades, dark: Rgb, light: Rgb) 
 
 
 def _shade_hollows(height: FloatArray, depth_m: float) -> FloatArray:
-    """Darken what lies below its surroundings: less of the sky is seen there."""
+    """Darken points below their surroundings: they see less of the sky."""
     return np.clip(1 + (height - blur(height, 12)) / np.float32(depth_m), 0.45, 1.2)

@@ -15,7 +15,7 @@ _LINEAR = np.linspace(0.0, 1.0, 2**16)
 _SRGB = np.round(
     255 * np.where(_LINEAR <= 0.0031308, 12.92 * _LINEAR, 1.055 * _LINEAR ** (1 / 2.4) - 0.055)
 ).astype(np.uint8)
-"""sRGB (IEC 61966-2-1) of linear values in 16 bits: one rounding, whatever the processor."""
+"""sRGB (IEC 61966-2-1) of linear values in 16 bits: one rounding, on every processor."""
 _BYTES = np.arange(256) / 255
 _LINEAR_FROM_SRGB = np.where(
     _BYTES <= 0.04045, _BYTES / 12.92, ((_BYTES + 0.055) / 1.055) ** 2.4
@@ -49,7 +49,7 @@ def mix(below: FloatArray | Rgb, above: FloatArray | Rgb, fraction: FloatArray) 
 
 
 def encode_surface(surface: Surface, tile: Tile, material: Material) -> MaterialMaps:
-    """Encode a surface; its mean colour and roughness become those of a material."""
+    """Encode a surface with the mean colour and roughness of a material."""
     roughness = _scale_to_mean(surface.roughness, material.roughness)
     return MaterialMaps(
         color=_encode_colour(surface.colour, material),
@@ -69,7 +69,7 @@ def encode_photographs(
     """Bring photographs of a surface to the mean colour and roughness of a material.
 
     Args:
-        color: (h, w, 3) or (h, w, 4) sRGB; the mean is that of the opaque part.
+        color: (h, w, 3) or (h, w, 4) sRGB; the mean is over the opaque part.
         normal: (h, w, 3) as of `MaterialMaps`.
         roughness: (h, w).
         material: The material.
@@ -102,7 +102,7 @@ def _encode_colour(
 
 
 def _scale_to_mean(values: FloatArray, mean: float, weight: FloatArray | None = None) -> FloatArray:
-    """Scale values to a mean; those that would exceed 1 are cut, and the rest makes up for it."""
+    """Scale values to a mean; values above 1 are cut, and the rest makes up for it."""
     for _ in range(30):  # a few unless most of the surface is cut
         ratio = mean / np.average(values.astype(float), weights=weight)
         if abs(ratio - 1) < MEAN_TOLERANCE:

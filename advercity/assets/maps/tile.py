@@ -1,4 +1,4 @@
-"""Makes patterns that join their own copies: noise of a band of wavelengths, pieces, blades, spots.
+"""Makes periodic patterns: noise of a band of wavelengths, pieces, blades, spots.
 
 All are periodic by construction: noise is made of whole waves, pieces and blades go on at the
 opposite edge. Lengths are metres, x to the right and y up; row 0 is the upper edge.
@@ -145,7 +145,7 @@ class Tile:
             joint_m: Width of joints.
             shift: Part of a piece by which every other row is shifted.
             corner_m: Radius of the corners.
-            wobble_m: What is added to the distance from the edge.
+            wobble_m: Added to the distance from the edge.
         """
         width, height = self.size_m / columns, self.size_m / rows
         row = np.floor(self.y_m / height)
@@ -243,7 +243,7 @@ class Tile:
         place = (np.floor(row).astype(np.int32) & last) * self.pixels
         place += np.floor(column).astype(np.int32) & last
         point = np.full(self.pixels**2, -1, np.int32)
-        # Of several points of one pixel the last one stays: that of the uppermost blade.
+        # Of several points of one pixel the last one stays: a point of the uppermost blade.
         point[place.ravel()] = np.arange(place.size, dtype=np.int32)
         blade, step = point // (width * len(along)), point % len(along)
         shape = self.pixels, self.pixels
@@ -264,7 +264,7 @@ class Tile:
             key: Name of the pattern.
             columns: Cells across and up the tile, a power of two.
             radius_m: Least and greatest radius.
-            present: Fraction of the cells that have a spot.
+            present: Fraction of the cells with a spot.
             stretch: Factors on the radius along x and y.
         """
         cells = self.pack(key, columns, jitter=0.9)

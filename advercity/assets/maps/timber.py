@@ -1,4 +1,4 @@
-"""Paints wood and what grows around it: planks and bark."""
+"""Paints planks and bark."""
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def paint_planks(tile: Tile) -> Surface:
 
 
 def _shift_boards(tile: Tile, values: np.ndarray) -> np.ndarray:
-    """Move each board's part of a pattern along it, so that none goes on in the next board."""
+    """Shift a pattern along each board, so it does not continue in the next board."""
     shifted, width = values.copy(), tile.pixels // _BOARDS
     for board, rows in enumerate(tile.generator("boards").integers(tile.pixels, size=_BOARDS)):
         columns = slice(board * width, (board + 1) * width)
@@ -43,7 +43,7 @@ def _shift_boards(tile: Tile, values: np.ndarray) -> np.ndarray:
 
 
 def paint_bark(tile: Tile) -> Surface:
-    """Paint the bark of an old broadleaf tree: long ridges that part and join, fissured, mossy."""
+    """Paint the bark of an old broadleaf tree: long ridges parting and joining, fissured, mossy."""
     flow = tile.noise("flow", 0.12, 0.012, slope=0.8, stretch=(1.0, 4.5))
     other = tile.noise("other", 0.06, 0.008, slope=0.6, stretch=(1.0, 3.0))
     fine = tile.noise("fine", 0.015, slope=0.3, stretch=(1.0, 2.0))

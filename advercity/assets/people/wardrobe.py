@@ -1,7 +1,7 @@
 """Dresses a shaped person: garments, hair, shoes and eyes as shells over the base mesh.
 
 Garments are cut from the surfaces around the body along hems at heights and along arms, moved off
-the body, and draped. Skin that they cover is left out, so that it cannot come through.
+the body, and draped. Skin under them is left out, so it cannot come through.
 """
 
 from collections.abc import Mapping
@@ -51,7 +51,7 @@ _HAIR_LINE = (
 )
 """Edge of the hair: distances behind the eyes, and heights above the chin, in heads."""
 _FAR = 9.0
-"""A distance in metres that no body has, for places that a hem does not concern."""
+"""A distance in metres beyond any body, for places unaffected by a hem."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class Measures:
 
     Attributes:
         height_m: Standing height.
-        joints: Left joints and those of the middle, (3,) by name.
+        joints: Left and middle joints, (3,) by name.
         crown_z, chin_z: Top of the head and bottom of the chin.
     """
 
@@ -85,7 +85,7 @@ class Wardrobe:
     measures: Measures
 
     def dress(self, looks: PedestrianAppearance) -> list[tuple[Shell, str]]:
-        """Build everything that is seen, with materials; the top has the actor's paint."""
+        """Build all visible parts, with materials; the top has the actor's paint."""
         worn = self._build_top(looks)
         bottom = f"cloth_{looks.bottom_colour}"
         if looks.bottom != "skirt":
@@ -158,7 +158,7 @@ class Wardrobe:
         return np.where(_is_arm(shell), -_FAR, field)
 
     def _measure_coat(self, shell: Shell) -> Float64Array:
-        """Measure how far (n,) vertices of legs are below what a coat always hides."""
+        """Measure how far (n,) vertices of legs are below the part always hidden by a coat."""
         return self._knee_z + 0.05 * self.measures.height_m - shell.vertices[:, 2]
 
     def _build_top(self, looks: PedestrianAppearance) -> list[tuple[Shell, str]]:
@@ -218,7 +218,7 @@ class Wardrobe:
         return self._finish(shell, np.full(len(shell.vertices), 0.004 * h), "shoe", 3)
 
     def _build_skin(self, looks: PedestrianAppearance) -> Shell:
-        """Build the skin that garments leave free, and a strip below their hems."""
+        """Build the skin not covered by garments, and a strip below their hems."""
         body = self.take("body")
         shoes = np.where(_is_arm(body), -_FAR, self._ankle_z - body.vertices[:, 2])
         covers = self._cover_top(body, looks), self._cover_bottom(body, looks), shoes
