@@ -1,6 +1,6 @@
 """The compiler: from YAML declarations to specs.
 
-A declaration is read with positions (`source`), merged with what it extends (`extends`), validated
+A declaration is read with positions (`source`), merged with its parents (`extends`), validated
 (`validation`) and indexed in a library (`library`). A suite is resolved (`suites`), crossed into
 the inputs of scenarios (`crossing`, `scenarios`), and assembled into specs (`assembly`), which are
 JSON files (`spec_files`).

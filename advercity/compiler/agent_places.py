@@ -1,4 +1,4 @@
-"""Places of a road's agents: by arms of a junction, with routes that were left out, checked."""
+"""Places of a road's agents: by arms of a junction; omitted routes are added and checked."""
 
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -31,22 +31,22 @@ from advercity.roads.sumo_network import write_sumo_network
 MAX_ROADSIDE_DISTANCE_M = 100.0
 """Distance from any lane beyond which a roadside unit observes no traffic."""
 MAX_HEADING_GAP_RAD = np.pi / 3
-"""Difference between a vehicle's heading and that of its lane."""
+"""Largest angle between a vehicle's heading and its lane's."""
 ONCOMING_MARGIN_M = 0.5
 """A vehicle may be nearer to an oncoming lane than to its own by this: narrow streets overlap."""
 SUGGESTED_LANES = 3
 Problem = tuple[ValuePath, str, str]
-"""Path of a value, what is wrong with it, and the way out."""
+"""Path of a value, its error, and the way out."""
 
 
 def place_agents(road: Road) -> tuple[list[list[Road]], dict[str, str]]:
-    """Place the agents that a road gives by the arms of junctions.
+    """Place the agents of a road by the arms of junctions.
 
-    Where a rule selects the junctions, those at which the agents cannot be are left out.
+    Where a rule selects the junctions, unsuitable ones are left out.
 
     Returns:
-        For each junction the road with the ego on every arm that it may come from, and by
-        junction that was left out, why.
+        For each junction the road with the ego on every possible arm, and the reason for every
+            junction left out.
 
     Raises:
         MisplacedPartError: No junction fits.
@@ -111,7 +111,7 @@ def complete_routes(road: Road) -> Road:
 
 
 def find_place_problems(road: Road) -> Iterator[Problem]:
-    """Yield what is wrong with starts, headings, routes and destinations, and unknown streets."""
+    """Yield errors of starts, headings, routes and destinations, and unknown streets."""
     planner = RoutePlanner(to_plan_frame(road))
     for index, item in enumerate(road.surroundings):
         if item.beside is not None and item.beside.street not in planner.streets:
@@ -133,7 +133,7 @@ def find_place_problems(road: Road) -> Iterator[Problem]:
                 lanes, name, "destination_m", agent.destination_m, MAX_DESTINATION_GAP_M
             ),
         ]
-        # Each check assumes what the one before has established.
+        # Each check relies on the success of the one before.
         yield from problems or _find_start_problems(road, name, agent)
         yield from _find_route_problems(planner, name, agent)
 

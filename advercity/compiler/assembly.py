@@ -49,7 +49,7 @@ from advercity.physics.extinction import compute_extinction, mor_without_precipi
 from advercity.physics.stopping import DEFAULT_GRIP, friction_coefficient
 
 MAX_RESPONSES = 1000
-"""Number of responses of drivers to a weather that changes, one a second at most."""
+"""Number of responses of drivers to a changing weather, at most one a second."""
 MAX_DUMPED_MODELS = 4096
 FIRST_VEHICLE_NUMBER = 101
 """Number of the first connected vehicle in annotations; roadside units count down from -1."""
@@ -68,10 +68,10 @@ def build_spec(
     Args:
         library: Library of all declarations.
         inputs: Declarations of the scenario, with the road of its traffic.
-        groups: Crash groups for which its road was selected; the spec has those that it stages.
+        groups: Crash groups for which its road was selected; the spec has the staged ones.
         traffic: Its suite, and the solved conflicts.
         resolved: Declarations of the suite.
-        assets: Checksums of what the scenario takes from files of others.
+        assets: Checksums of the scenario's foreign files.
     """
     suite, conflicts = traffic.suite, traffic.conflicts
     road, density, drivers = inputs.road, inputs.density, resolved.drivers
@@ -124,7 +124,7 @@ def build_spec(
 
 
 def with_weather(spec: Spec, entry: LibraryEntry[Weather]) -> Spec:
-    """Return the scenario under another weather, equal to what its suite would compile to."""
+    """Return the scenario under another weather, equal to its suite's own spec for it."""
     provenance, declared = spec.provenance, entry.declaration
     step = SweepStep(provenance.sweep.field, provenance.sweep.value) if provenance.sweep else None
     name = build_spec_id(
@@ -166,7 +166,7 @@ def with_digest(spec: Spec) -> Spec:
 
 
 def dump_spec(spec: Spec) -> dict[str, Any]:
-    """Convert a spec to plain data, as for JSON; what specs have in common is converted once."""
+    """Convert a spec to plain data, as for JSON; common parts of specs are converted once."""
     data = spec.model_dump(mode="json", exclude={"road", "agents", "blueprints"})
     data["road"] = _dump_model(spec.road)
     data["agents"] = [_dump_model(agent) for agent in spec.agents]
@@ -180,16 +180,16 @@ def _dump_model(model: Model) -> dict[str, Any]:
 
 
 def is_edited(spec: Spec) -> bool:
-    """Return whether the content of a spec is not what its compiler wrote, by its digest."""
-    # The file of an earlier version lacks fields that have a default now.
+    """Return whether a spec was changed since its compilation, by its digest."""
+    # Files of earlier versions lack fields with a default now.
     dumps = (spec.model_dump(mode="json", exclude_unset=unset) for unset in (False, True))
     return not any(map(has_own_digest, dumps))
 
 
 def has_own_digest(data: dict[str, Any]) -> bool:
-    """Return whether a spec's JSON has the digest that it holds, which is removed.
+    """Return whether a spec's JSON matches its digest, which is removed.
 
-    Release 0.1.0 computed it whatever the order of keys.
+    Release 0.1.0 computed it without sorting keys.
     """
     digest = data["provenance"].pop("digest")
     return digest in (compute_json_digest(data, sort_keys=False), compute_json_digest(data))
@@ -202,7 +202,7 @@ def _find_reaction_conditions(
     weather: Weather,
     conflicts: Sequence[StagedConflict],
 ) -> ReactionConditions | None:
-    """Find what the ego reacts with: the suite's weather for it, or the scenario's own."""
+    """Find the ego's reaction conditions: the suite's weather for it, or the scenario's own."""
     if not any(conflict.resolved_by in ("ego", "both") for conflict in conflicts):
         return None
     grip = resolved.drivers.grip if resolved.drivers else DEFAULT_GRIP
@@ -225,9 +225,9 @@ def _replay_reaction_conditions(spec: Spec, weather: Weather) -> ReactionConditi
 
 
 def compute_reaction_conditions(grip: TyreFriction, weather: Weather) -> ReactionConditions:
-    """Compute what the ego reacts with in a weather, rounded like the response of drivers.
+    """Compute the ego's reaction conditions in a weather, rounded like the response of drivers.
 
-    Of a weather that changes, it is the worst of its keyframes.
+    For a changing weather, they are the worst of its keyframes.
     """
     times_s = [0.0, *(keyframe.at_s for keyframe in weather.keyframes)]
     moments = [weather.at(time_s) for time_s in times_s]
@@ -241,7 +241,7 @@ def compute_reaction_conditions(grip: TyreFriction, weather: Weather) -> Reactio
 def _compute_driver_responses(
     drivers: Drivers | None, weather: Weather, timing: Timing
 ) -> dict[str, Any]:
-    """Compute the fields of a spec that have the response of its drivers to its weather."""
+    """Compute the fields of a spec for the response of its drivers to its weather."""
     if drivers is None:
         return {"caution": None, "caution_changes": ()}
     first = last = compute_driver_response(drivers, weather.at(0.0))
@@ -276,7 +276,7 @@ def compute_driver_response(drivers: Drivers, weather: Weather) -> DriverRespons
     # Effects were observed together in the field: adding them would count each twice.
     slower_percent, headway_s = (max(values) for values in zip(*effects, strict=True))
     grip_m_s2 = GRAVITY_M_S2 * friction_coefficient(drivers.grip, weather)
-    # Rounded so that the last bits of a machine's arithmetic do not change specs.
+    # Rounded: the last bits of a machine's arithmetic must not change specs.
     return DriverResponse(
         speed_share=round(1 - slower_percent / 100, 4),
         headway_s=round(headway_s, 3),

@@ -47,8 +47,8 @@ def format_starter(kind: str, name: str, *, schemas: str = SCHEMAS_FOLDER) -> st
 def write_starter(kind: str, name: str, folder: Path) -> Path:
     """Write a new declaration and its schema; existing declarations are never overwritten.
 
-    The schema goes into the library's folder of schemas, or into a new one next to the file; one
-    that an author has changed stays.
+    The schema goes into the library's folder of schemas, or into a new one next to the file; an
+    edited schema stays.
 
     Raises:
         InputError: The kind or name is not valid, the file exists, or the folder is in a scenario.
@@ -63,7 +63,7 @@ def write_starter(kind: str, name: str, folder: Path) -> Path:
         if os.path.lexists(path):
             raise InputError(f"{path}: already exists; choose another name")
         write_atomically(path, text.encode())
-    # After the declaration: a name that is taken must not leave a schema behind.
+    # After the declaration: a taken name must not leave a schema behind.
     if is_replaceable(find_schema_file(kind, schemas)):
         write_schemas(schemas, [kind])
     return path
@@ -82,7 +82,7 @@ SUN_AT_HEADER = "sun_at:  # found by `advercity solve`"
 def write_sun_positions(path: Path, suns: Mapping[str, Sun]) -> None:
     """Add computed suns to a weather's `sun_at`, by road id, or insert it after `sun`.
 
-    Nothing that is in the file changes: neither comments nor suns of other roads.
+    Comments and suns of other roads in the file stay.
 
     Raises:
         InputError: `sun` does not begin a line of the file, `sun_at` is written in one line or has
@@ -103,7 +103,7 @@ def write_sun_positions(path: Path, suns: Mapping[str, Sun]) -> None:
         )
     index, added = place
     text = newline.join([*lines[:index], *added, *lines[index:], ""])
-    # A file that the edit would break is left as it is.
+    # If the edit would break the file, it stays unchanged.
     if problems := parse_document(path, text).diagnostics:
         raise DiagnosticsError(*problems)
     with report_write_errors():
@@ -129,7 +129,7 @@ def _place_sun_entries(lines: list[str], entries: list[str]) -> tuple[int, list[
 
 
 def _find_field_lines(lines: list[str], name: str) -> tuple[int, int] | None:
-    """Return the index of a top-level field's first line, and that after its last line."""
+    """Return the index of a top-level field's first line, and the index after its last line."""
     for begin, line in enumerate(lines):
         if line.startswith(f"{name}:"):
             end = begin + 1

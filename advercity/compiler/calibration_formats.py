@@ -17,14 +17,14 @@ LENSES = {
     "radtan": ("brown_conrady", ("k1", "k2", "p1", "p2")),
     "equidistant": ("kannala_brandt", ("k1", "k2", "k3", "k4")),
 }
-"""Model of a rig's lens, and the names of its coefficients, by what a calibration calls it."""
+"""Model of a rig's lens, and the names of its coefficients, by the calibration's name for it."""
 _POSE = "`mounts` of the rig place a camera"
 _READOUT = "`shutter` of the rig says when rows are exposed"
 LEFT_OUT = {
     **dict.fromkeys(("T_cam_imu", "T_cn_cnm1", "carrier_from_camera"), _POSE),
     **dict.fromkeys(("first_row_time", "line_delay", "timeshift_cam_imu"), _READOUT),
 }
-"""Keys that are not taken over, and what the rig says instead."""
+"""Keys without effect, and the rig's replacement for each."""
 Coefficients = Annotated[Items[Coefficient], Field(max_length=14)]
 
 
@@ -74,7 +74,7 @@ class CameraInfo(Model):
         return self
 
     def to_camera(self) -> dict[str, Any]:
-        """Return what is known of a rig's camera, as its data."""
+        """Return the known data of a rig's camera."""
         across, _, column, _, down, row, *_ = self.camera_matrix.data
         size = (self.image_width, self.image_height)
         lens = _build_lens(self.distortion_model, self.distortion_coefficients.data)
@@ -82,7 +82,7 @@ class CameraInfo(Model):
 
 
 class KalibrCamera(Model):
-    """A camera of a chain that Kalibr writes."""
+    """A camera of a chain written by Kalibr."""
 
     camera_model: Literal["pinhole"]
     intrinsics: tuple[FocalLength, FocalLength, PrincipalPoint, PrincipalPoint]
@@ -102,7 +102,7 @@ class KalibrCamera(Model):
         return self
 
     def to_camera(self) -> dict[str, Any]:
-        """Return what is known of a rig's camera, as its data."""
+        """Return the known data of a rig's camera."""
         lens = _build_lens(self.distortion_model, self.distortion_coeffs)
         return _build_camera(self.resolution, self.intrinsics, lens)
 

@@ -25,19 +25,19 @@ CALIBRATIONS_FOLDER = "calibrations"
 MAX_BYTES = 100_000
 """Ten times a chain of eight cameras."""
 GIVEN_FIELDS = ("width_px", "height_px", "horizontal_fov_deg", "intrinsics", "lens")
-"""Fields of a camera that a calibration gives."""
+"""Fields of a camera given by a calibration."""
 OPENCV_SYNTAX = re.compile(r"^%YAML:1\.0|!!opencv-matrix", re.MULTILINE)
-"""Parts of a file by OpenCV that are not YAML 1.2."""
+"""Parts of a file by OpenCV outside of YAML 1.2."""
 
 _logger = logging.getLogger(__name__)
 
 
 def apply_calibrations(rig: ResolvedDeclaration) -> ResolvedDeclaration:
-    """Fill in the size, intrinsics and lens of every camera of a rig that names a calibration.
+    """Fill in the size, intrinsics and lens of every camera of a rig with a calibration.
 
     Raises:
         DiagnosticsError: A file is missing, too large, elsewhere than below the rig's folder, or
-            has parts that are not understood.
+            has unknown parts.
     """
     data = rig.data
     for value_path, camera in iterate_sensors(rig.data, "camera"):
@@ -59,7 +59,7 @@ def apply_calibrations(rig: ResolvedDeclaration) -> ResolvedDeclaration:
 def _read_calibration(
     rig: ResolvedDeclaration, value_path: ValuePath, camera: dict[str, Any]
 ) -> SourceDocument:
-    """Read the calibration of one camera; of a chain, the part of the camera that is named."""
+    """Read the calibration of one camera; of a chain, the part of the named camera."""
     place = (*value_path, "calibration")
     folder = rig.find_document(place).path.parent
     path = folder / camera["calibration"]

@@ -28,5 +28,5 @@ FIELDS = {
 
 
 def suggest_for_carla_field(value_path: ValuePath) -> str:
-    """Return what to write for a field of CARLA's weather; empty for other fields."""
+    """Return the replacement for a field of CARLA's weather; empty for other fields."""
     return FIELDS.get(".".join(map(str, value_path)), "")

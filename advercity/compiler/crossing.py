@@ -56,9 +56,9 @@ from advercity.texture_packs import TEXTURE_PACKS
 _logger = logging.getLogger(__name__)
 ResultT = TypeVar("ResultT")
 MAX_SPECS = 100_000
-"""Number of scenarios that a suite may cross to; their specs take gigabytes."""
+"""Limit for the scenarios of a suite; their specs take gigabytes."""
 MAX_PROBLEMS = 20
-"""Number of equal ids that are reported."""
+"""Number of equal ids in the report."""
 
 
 def compile_library(
@@ -67,8 +67,8 @@ def compile_library(
     """Compile the scenarios of a suite; `advercity.write_specs` puts them into files.
 
     Args:
-        folders: Libraries of declarations, which may refer to each other. Without any, the library
-            that ships with advercity.
+        folders: Libraries of declarations, which may refer to each other. Without any, advercity's
+            own library.
         suite: Id of the suite; None is the libraries' default or only suite.
         settler: Seeks seeds and waits with which staged conflicts happen, by simulation.
 
@@ -84,7 +84,7 @@ def find_suite(library: Library, *folders: Path, suite: str | None = None) -> Su
     """Return the suite `suite` of a library, by default its default or only one.
 
     Raises:
-        InputError: No suite has that name, or several could be meant.
+        InputError: No suite has the name, or several fit.
     """
     where = ", ".join(str(folder) for folder in folders)
     suites = library.get_declarations(Suite)
@@ -104,16 +104,15 @@ def find_suite(library: Library, *folders: Path, suite: str | None = None) -> Su
 def validate_paths(*paths: Path) -> str:
     """Validate specs, declarations, and libraries with their suites.
 
-    Libraries and declarations are one library, as when they are compiled; declarations without
-    any library are validated one by one. Suites that ship are validated where no others are: they
-    select from all declarations, so they are of no use with those that you add.
+    Libraries and declarations are one library, as when they are compiled; declarations without any
+    library are validated one by one. The shipped suites are validated only without others: they
+    select from all declarations, so they are of no use with the ones you add.
 
     Returns:
-        What was checked: numbers of specs, declarations and scenarios.
+        Numbers of checked specs, declarations and scenarios.
 
     Raises:
-        InputError: With the errors of all of them; also for a spec that was edited after it was
-            compiled.
+        InputError: With the errors of all of them; also for a spec edited after it was compiled.
     """
     specs = [path for path in paths if path.suffix == ".json"]
     declared = [path for path in paths if path.suffix != ".json"]
@@ -218,7 +217,7 @@ def compile_suite(
 
 
 def _list_assets(library: Library, inputs: ScenarioInputs) -> dict[str, str]:
-    """List what a scenario takes from files of others, by checksum."""
+    """List the checksums of the foreign files of a scenario."""
     models = list_model_assets(library, inputs.catalogue, inputs.blueprints)
     if inputs.looks == "shaped":
         return models
@@ -244,10 +243,10 @@ def _solve_all(
     scenarios: Mapping[TrafficKey, ScenarioInputs],
     solve: Callable[[Suite, ScenarioInputs], SolvedTraffic],
 ) -> dict[TrafficKey, SolvedTraffic]:
-    """Solve the conflicts of scenarios by what their traffic depends on, and time lights.
+    """Solve the conflicts of scenarios by the key of their traffic, and time lights.
 
     Solving is slow and ignores the weather: it is done once per road, density, sweep step and
-    repeat. Where a crossed conflict has no place, it is left out, with a warning that says why.
+    repeat. A crossed conflict without a place is left out, with a warning.
     """
     solved: dict[TrafficKey, SolvedTraffic] = {}
     errors: list[Diagnostic] = []
@@ -272,7 +271,7 @@ def _solve_all(
 def _may_be_left_out(library: Library, inputs: ScenarioInputs, refusal: UnstageableError) -> bool:
     """Return whether a suite may go without a conflict on a road.
 
-    A conflict of the author's own has to fit the roads that are declared one by one.
+    A conflict of the author's own must fit the roads declared one by one.
     """
     is_variant = library.find_declared_id(inputs.road.id) != inputs.road.id
     may_not_fit = is_variant or library.is_shipped(refusal.conflict)
@@ -287,7 +286,7 @@ def _build_scenarios(
     *,
     require_sun: bool,
 ) -> list[ScenarioInputs]:
-    """Build the inputs of every crossing, sweep step and repeat that meets the suite's `where`."""
+    """Build the inputs of every crossing, sweep step and repeat within the suite's `where`."""
     source = library.find_entry(suite).source
     conditions, steps = parse_conditions(suite, source), expand_sweep(suite, source)
     repeats = range(1, suite.repeats + 1) if suite.repeats > 1 else (None,)
@@ -327,7 +326,7 @@ def _check_count(source: ResolvedDeclaration, count: int) -> None:
 
 
 def _check_ids(source: ResolvedDeclaration, scenarios: Iterable[ScenarioInputs]) -> None:
-    """Check that no two scenarios have one id, of which one file would be lost."""
+    """Check that no two scenarios have one id: one file would be lost."""
     first: dict[str, ScenarioInputs] = {}
     problems: list[Diagnostic] = []
     for inputs in scenarios:
@@ -347,7 +346,7 @@ def _check_ids(source: ResolvedDeclaration, scenarios: Iterable[ScenarioInputs])
 def _assign_crash_groups(
     library: Library, suite: Suite, roads: Mapping[str, Road]
 ) -> dict[str, tuple[CrashGroup, ...]]:
-    """Return the selected crash groups that require each road.
+    """Return the selected crash groups for each road.
 
     A suite of all roads must have a road of every required kind; any suite's roads must each be
     required.
@@ -367,7 +366,7 @@ def _assign_crash_groups(
             for name in matching:
                 if group not in groups[name]:
                     groups[name].append(group)
-    # Recorded traffic stages nothing, whatever its road.
+    # Recorded traffic stages no conflict on any road.
     simulated = {name for name, road in roads.items() if road.trajectories is None}
     for name in (name for name, assigned in groups.items() if name in simulated and not assigned):
         message = "no selected typology requires this kind of road"

@@ -25,10 +25,10 @@ Distributions = Mapping[ValuePath, Distribution]
 def find_distributions(
     source: ResolvedDeclaration,
 ) -> tuple[dict[ValuePath, Distribution], dict[ValuePath, tuple[Diagnostic, ...]]]:
-    """Find every distribution in a weather's data, by the path of the number that it replaces.
+    """Find every distribution in a weather's data, by the path of the replaced number.
 
     Returns:
-        The distributions, and what is wrong with those that are malformed or replace no number.
+        The distributions, and the errors of those that are malformed or replace no number.
     """
     distributions: dict[ValuePath, Distribution] = {}
     malformed: dict[ValuePath, tuple[Diagnostic, ...]] = {}

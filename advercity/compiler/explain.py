@@ -29,7 +29,7 @@ DERIVATION_RULES = {
 }
 """Rules for derived values, by the beginning of their paths."""
 Entries = Mapping[str, LibraryEntry[Declaration]]
-"""Library entries that a spec was compiled from, by kind; rigs by `rig/<id>`."""
+"""Library entries behind a spec, by kind; rigs by `rig/<id>`."""
 
 
 def flatten_values(data: Any) -> dict[str, Any]:
@@ -42,9 +42,9 @@ def flatten_values(data: Any) -> dict[str, Any]:
 
 
 def compare_specs(first: Spec, second: Spec) -> list[tuple[str, Any, Any]]:
-    """Return path and both values of every field that differs, None for an absent one.
+    """Return path and both values of every different field, None for an absent one.
 
-    Provenance is ignored: it describes how a spec was made, not what it is.
+    Provenance is ignored: it is the origin of a spec, not its content.
     """
     one, other = (
         flatten_values(spec.model_dump(mode="json", exclude={"provenance"}))
@@ -71,7 +71,7 @@ class ValueOrigin:
 
     @property
     def fields(self) -> list[str]:
-        """Dotted paths of the value and of all that enclose it: `a`, `a.b`, `a.b.c`."""
+        """Dotted paths of the value and of all around it: `a`, `a.b`, `a.b.c`."""
         return list(accumulate(self.path.split("."), "{}.{}".format))
 
 
@@ -79,7 +79,7 @@ def explain_spec(spec: Spec, library: Library) -> list[ValueOrigin]:
     """Return the origin of every value of a spec.
 
     Raises:
-        InputError: The library differs from the one that the spec was compiled from.
+        InputError: The spec was compiled from another state of the library.
     """
     entries = _find_provenance_entries(spec, library)
     return [
@@ -132,7 +132,7 @@ def _describe_source(path: str, spec: Spec, entries: Entries) -> str:
 
 
 def _find_sun_time(declaration: Declaration) -> datetime | None:
-    """Find the instant that determines the sun's position; None if it is given by angles."""
+    """Find the instant of the sun's position; None if it is given by angles."""
     return declaration.sun.time_utc if isinstance(declaration, Weather) else None
 
 
@@ -142,7 +142,7 @@ def _format_place(source: ResolvedDeclaration, value_path: ValuePath) -> str:
 
 
 def _find_declared_path(path: str, spec: Spec, suite: Suite) -> tuple[str | None, ValuePath]:
-    """Return the key of the entry that gives a value, and its path in it."""
+    """Return the key of the entry with a value, and the value's path in it."""
     first, *rest = (int(part) if part.isdigit() else part for part in path.split("."))
     value_path = tuple(rest)
     match first:

@@ -1,4 +1,4 @@
-"""`extends`: merging a declaration with those that it builds on.
+"""`extends`: merging a declaration with its parents.
 
 Mappings merge key by key; numbers, text and lists replace; `null` instead of a mapping removes the
 inherited one. Identity and provenance (`id`, `title`, `source`, `assumption`) are never inherited.
@@ -22,7 +22,7 @@ from advercity.compiler.source import (
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 
 DOCUMENT_KEYS = ("extends", "version")
-"""Keys of a document that are not fields of the declaration."""
+"""Keys of a document other than the declaration's fields."""
 NEVER_INHERITED = ("id", "title", "source", "assumption")
 DeclarationKey = tuple[str, str]
 """Kind and id."""
@@ -31,7 +31,7 @@ Documents = Mapping[DeclarationKey, SourceDocument]
 
 @dataclass(frozen=True)
 class ResolvedDeclaration:
-    """Data of a declaration, merged with that of its parents.
+    """Data of a declaration, merged with its parents' data.
 
     Attributes:
         data: Plain values.
@@ -51,7 +51,7 @@ class ResolvedDeclaration:
         """Return a copy with another value at a path.
 
         Raises:
-            DiagnosticsError: The path leads to an item that a list does not have.
+            DiagnosticsError: The path leads to a missing item of a list.
         """
         try:
             return replace(self, data=replace_values(self.data, {value_path: value}))
@@ -60,7 +60,7 @@ class ResolvedDeclaration:
             raise DiagnosticsError(self.build_diagnostic(value_path, message, hint=hint)) from None
 
     def find_document(self, value_path: ValuePath) -> SourceDocument:
-        """Return the document that gives the value at a path, or its nearest enclosing value."""
+        """Return the document with the value at a path, or with its nearest enclosing value."""
         for length in range(len(value_path), 0, -1):
             if self.document.has_value(value_path[:length]):
                 return self.document
@@ -85,7 +85,7 @@ class ResolvedDeclaration:
 
 
 def resolve_extends(name: DeclarationKey, documents: Documents) -> ResolvedDeclaration:
-    """Merge a declaration with all that it extends.
+    """Merge a declaration with all its parents.
 
     Raises:
         DiagnosticsError: A parent is unknown, extends form a cycle, or parents disagree.
@@ -139,7 +139,7 @@ def _find_parents(
 
 def _build_cycle_diagnostic(cycle: tuple[str, ...], kind: str, documents: Documents) -> Diagnostic:
     """Build the diagnostic of a cycle, the same wherever resolving entered it."""
-    # Begins at the smallest name, so that every member of the cycle reports the same error once.
+    # Begins at the smallest name: every member of the cycle reports the same error once.
     first = cycle.index(min(cycle))
     names = (*cycle[first:], *cycle[:first], cycle[first])
     hint = "remove one of these `extends`" if len(cycle) > 1 else "remove it"

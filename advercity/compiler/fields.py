@@ -64,7 +64,7 @@ def find_annotations(model: type[Model], value_path: ValuePath) -> list[Any]:
     candidates: list[Any] = [model]
     for part in value_path:
         inner = [found for candidate in candidates for found in _descend(candidate, part)]
-        # A tag leads nowhere in the annotation that it selects: stay at the same level.
+        # A tag is not a level of the annotation it selects: stay at the same level.
         candidates = inner or candidates
     return candidates
 
@@ -72,7 +72,7 @@ def find_annotations(model: type[Model], value_path: ValuePath) -> list[Any]:
 def _descend(annotation: Any, part: str | int) -> list[Any]:
     if isinstance(annotation, type) and issubclass(annotation, Model):
         for name, field in annotation.model_fields.items():
-            # Aliases are YAML keys that Python reserves, such as `from`.
+            # Aliases are YAML keys reserved in Python, such as `from`.
             if part == (field.alias or name):
                 return [field]
         is_tagged = part in (annotation.__name__, *find_tags(annotation))
@@ -91,14 +91,14 @@ def _descend(annotation: Any, part: str | int) -> list[Any]:
 
 
 def find_tags(model: type[Model]) -> list[Any]:
-    """Find the only values of fields that have one, by which unions select the model."""
+    """Find the values of single-valued fields, by which unions select the model."""
     annotations = [field.annotation for field in model.model_fields.values()]
     values = [get_args(item) for item in annotations if get_origin(item) is Literal]
     return [found[0] for found in values if len(found) == 1]
 
 
 def find_models(model: type[Model], value_path: ValuePath) -> list[type[Model]]:
-    """Return every model that is valid at a path."""
+    """Return every valid model at a path."""
     return [
         found
         for annotation in find_annotations(model, value_path)
@@ -107,7 +107,7 @@ def find_models(model: type[Model], value_path: ValuePath) -> list[type[Model]]:
 
 
 def find_nested_models(annotation: Any, *, into_items: bool = True) -> list[type[Model]]:
-    """Return every model in an annotation, by default with those of list and mapping items."""
+    """Return every model in an annotation, by default also in list and mapping items."""
     if isinstance(annotation, FieldInfo):
         annotation = annotation.annotation
     if isinstance(annotation, type) and issubclass(annotation, Model):
@@ -158,7 +158,7 @@ def find_number_constraints(model: type[Model], value_path: ValuePath) -> Number
 
 
 def _iterate_metadata(annotation: Any) -> Iterator[Any]:
-    """Yield types and metadata of an annotation from the inside out, without those of items."""
+    """Yield types and metadata of an annotation from the inside out, without its items'."""
     if isinstance(annotation, FieldInfo):
         yield from _iterate_metadata(annotation.annotation)
         for item in annotation.metadata:
@@ -185,7 +185,7 @@ def collect_field_docs(model: type[Model]) -> dict[str, dict[str, str]]:
         if current.__name__ in docs:
             continue
         texts: dict[str, str] = {}
-        # Base classes first, so that a class can describe an inherited field differently.
+        # Base classes first: a class can describe an inherited field differently.
         for base in reversed(current.__mro__):
             if issubclass(base, Model) and base is not Model:
                 texts |= _parse_field_docs(base)

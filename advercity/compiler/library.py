@@ -91,20 +91,20 @@ class Library:
 
     Attributes:
         entries: Entries by kind and id.
-        variants: Ids of the roads that a road with agents at several junctions gives, by its id.
+        variants: Ids of the roads made of a road with agents at several junctions, by its id.
     """
 
     entries: Mapping[DeclarationKey, LibraryEntry[Declaration]]
     variants: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def list_weathers(self) -> dict[str, Weather]:
-        """Return the weathers that `all` names, by id: those that are not optional."""
+        """Return the weathers named by `all`, by id: those that are not optional."""
         return {
             name: item for name, item in self.get_declarations(Weather).items() if not item.optional
         }
 
     def list_variants(self, name: str) -> tuple[str, ...]:
-        """List the ids that a name in a suite selects: a road may be one per junction."""
+        """List the ids selected by a name in a suite: a road may be one per junction."""
         return self.variants.get(name, (name,))
 
     def find_declared_id(self, name: str) -> str:
@@ -135,7 +135,7 @@ class Library:
         return cast(LibraryEntry[DeclarationT], entry)
 
     def is_shipped(self, declaration: Declaration) -> bool:
-        """Return whether a declaration is in the library that ships with advercity."""
+        """Return whether a declaration is in advercity's own library."""
         path = self.find_entry(declaration).source.document.path
         return path.resolve().is_relative_to(find_shipped_library().resolve())
 
@@ -154,7 +154,7 @@ class Library:
     def check_reference(
         self, declaration: Declaration, *value_path: str | int, kind: str, name: str
     ) -> list[Diagnostic]:
-        """Return a diagnostic at a value that names an unknown declaration of a kind, else none."""
+        """Return a diagnostic at a value if it names an unknown declaration of a kind."""
         if (kind, name) in self.entries or (kind == "road" and name in self.variants):
             return []
         known = (other for of_kind, other in self.entries if of_kind == kind)
@@ -166,7 +166,7 @@ class Library:
 def load_library(*folders: Path) -> Library:
     """Load every `*.yaml` below some folders; a file can take the place of a folder.
 
-    Folders named `examples` and those that begin with a dot are skipped.
+    Folders named `examples` and folders with a leading dot are skipped.
 
     Raises:
         DiagnosticsError: With the errors of all files.
@@ -215,11 +215,11 @@ def load_declaration(path: Path) -> LibraryEntry[Declaration]:
 
 
 def find_weather(text: str, *folders: Path) -> LibraryEntry[Weather]:
-    """Load the weather in the file `text`, or the one of that name in a library.
+    """Load the weather in the file `text`, or by this name from a library.
 
     Args:
         text: A file, or a name.
-        folders: The library; without any, the one that ships with advercity.
+        folders: The library; by default advercity's own.
 
     Raises:
         InputError: Neither exists, or the file is not a weather.
@@ -250,7 +250,7 @@ def find_weather(text: str, *folders: Path) -> LibraryEntry[Weather]:
 
 
 def list_weathers(*folders: Path) -> list[LibraryEntry[Weather]]:
-    """Return the weathers that `all` names in a library; without folders, in the one that ships."""
+    """Return the weathers named by `all` in a library, by default in advercity's own."""
     library = load_library(*folders or [find_shipped_library()])
     return [library.find_entry(item) for item in library.list_weathers().values()]
 
@@ -264,10 +264,10 @@ def _list_declaration_files(folder: Path, diagnostics: list[Diagnostic]) -> list
     inside = sorted(
         path for path in _walk_folder(folder, diagnostics) if path.suffix in (".yaml", ".yml")
     )
-    # A message about such a file would show lines of what the link leads to.
+    # A message about such a file would show lines of the link's target.
     outside = {path for path in inside if not path.resolve().is_relative_to(folder.resolve())}
     diagnostics += [Diagnostic(path, 0, 0, "", LINK_OUT, LINK_OUT_HINT) for path in outside]
-    # Reported rather than skipped: a declaration that is silently missing is hard to find.
+    # Reported rather than skipped: a silently missing declaration is hard to find.
     for path in inside:
         if path.suffix == ".yml":
             hint = f"rename it to {path.with_suffix('.yaml').name}"
@@ -279,7 +279,7 @@ def _list_declaration_files(folder: Path, diagnostics: list[Diagnostic]) -> list
 
 
 def _walk_folder(folder: Path, diagnostics: list[Diagnostic]) -> Iterator[Path]:
-    """Yield the files of a library; raise for a folder that is far too large for one."""
+    """Yield the files of a library; raise for a folder far too large for one."""
 
     def add_error(error: OSError) -> None:
         message = f"cannot be read: {describe_cause(error)}"
@@ -287,7 +287,7 @@ def _walk_folder(folder: Path, diagnostics: list[Diagnostic]) -> Iterator[Path]:
 
     count = 0
     for inside, folders, names in os.walk(folder, onerror=add_error):
-        # os.walk descends into what is left of this list.
+        # os.walk descends into the folders left in this list.
         folders[:] = sorted(
             name for name in folders if name not in NO_DECLARATIONS and name[0] != "."
         )
@@ -419,7 +419,7 @@ def _build_weather_entry(source: ResolvedDeclaration) -> LibraryEntry[Declaratio
 def _import_map(
     road: Road, declared: MapFile, source: ResolvedDeclaration
 ) -> tuple[Road, tuple[Surrounding, ...]]:
-    """Import the network of a road and what the map has along its streets."""
+    """Import the network of a road and the surroundings of its map."""
     value_path = ("imported", "file")
     folder = source.find_document(value_path).path.parent
     try:
@@ -476,7 +476,7 @@ def _add_model_checksums(catalogue: Catalogue, source: ResolvedDeclaration) -> C
 
 
 def find_model_file(name: str, file: str, source: ResolvedDeclaration) -> Path:
-    """Return the GLB `file` of a blueprint, which is next to the declaration that names it."""
+    """Return the GLB `file` of a blueprint, next to the declaration of the model."""
     return source.find_document(("blueprints", name, "model", "file")).path.parent / file
 
 

@@ -1,4 +1,4 @@
-"""LiDARs of rigs by the names of models: what a rig does not give is the model's."""
+"""LiDARs of rigs by the names of models: figures missing in the rig are the model's."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -25,15 +25,15 @@ MODEL_RATE_HZ = 10.0
 
 
 def names_lidar_model(data: Any) -> bool:
-    """Return whether the data of a rig have a LiDAR that names a model."""
+    """Return whether a LiDAR in the data of a rig names a model."""
     return next(_iterate_named(data), None) is not None
 
 
 def apply_lidar_models(rig: ResolvedDeclaration, documents: Documents) -> ResolvedDeclaration:
-    """Fill in the figures of every LiDAR of a rig that names a model.
+    """Fill in the model's figures in every LiDAR of a rig with a `model`.
 
     Raises:
-        DiagnosticsError: A name is that of no model.
+        DiagnosticsError: No model has the name.
     """
     data, origins = rig.data, dict(rig.origins)
     for value_path, written in _iterate_named(rig.data):
@@ -53,14 +53,14 @@ def apply_lidar_models(rig: ResolvedDeclaration, documents: Documents) -> Resolv
 
 
 def _iterate_named(data: Any) -> Iterator[tuple[ValuePath, dict[str, Any]]]:
-    """Yield the LiDARs of a rig's data that name a model, with their paths."""
+    """Yield the LiDARs with a `model` in a rig's data, with their paths."""
     for path, lidar in iterate_sensors(data, "lidar"):
         if isinstance(lidar.get("model"), str):
             yield path, lidar
 
 
 def _adapt_to_rate(figures: dict[str, Any], written: dict[str, Any]) -> dict[str, Any]:
-    """Give a scan the beams that a model fires in its period, unless the rig gives them.
+    """Give a scan the beams fired in its period by a model, unless the rig gives them.
 
     Lasers fire at a pace of their own: a head that turns twice as fast fires half as often a turn.
     """

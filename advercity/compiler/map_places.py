@@ -1,4 +1,4 @@
-"""Roads of maps that know where they are on the globe, or are moved to a local origin."""
+"""Places of imported roads on the globe, and their shift to a local origin."""
 
 from typing import Any, TypeVar
 
@@ -19,7 +19,7 @@ def place_imported_road(road: Road, network: MapNetwork) -> Road:
     """Give a road the network of its map, the map's place on the globe, and its local origin.
 
     Raises:
-        InputError: The road declares that it is elsewhere.
+        InputError: The road declares another place.
     """
     placed = road.model_copy(update={"imported": network})
     if network.offset_m != (0.0, 0.0):

@@ -1,7 +1,7 @@
-"""Conflicts that the junctions of a map can stage, with the road and the suite to paste.
+"""Suggest conflicts for the junctions of a map, with the road and the suite to paste.
 
-Conflicts are bound and solved, not simulated: whether other traffic lets them happen shows
-`compile --settle`.
+Conflicts are bound and solved, not simulated: `compile --settle` shows whether other traffic lets
+them happen.
 """
 
 import re
@@ -33,9 +33,9 @@ from advercity.roads.plan_frame import to_plan_frame
 from advercity.roads.routes import RoutePlanner
 
 MAX_JUNCTIONS = 50
-"""Number that is tried of a map, those with the most arms first; each takes about a second."""
+"""Number of junctions to try, the ones with the most arms first; each takes about a second."""
 MAX_NAME_LENGTH = 12
-"""Of a road that is named after its file: ids of specs also hold junction, conflict and weather."""
+"""Limit for a road named after its file: ids of specs also hold junction, conflict and weather."""
 WEATHER, DENSITY, LIBRARY_NAME = "fog_day", "sparse", "adver_city"
 UNIT = {"kind": "roadside_unit", "arm": "same"}
 CREWS: Mapping[str, Mapping[str, Mapping[str, str]]] = {
@@ -65,15 +65,15 @@ TRAFFIC = {
 
 @dataclass(frozen=True)
 class JunctionSuggestion:
-    """A junction and the conflicts that it can stage with the agents of a road.
+    """A junction and the conflicts to stage there with the agents of a road.
 
     Attributes:
         junction: Its id.
         control: Its rule of right of way.
-        arms: Its arms and where they lead.
-        road: Id of the road that has the agents at it.
-        conflicts: Ids of the conflicts, the surest first: actors on paths of their own are held up
-            by nobody, those in lanes by other traffic.
+        arms: Its arms and their destinations.
+        road: Id of the road with the agents at it.
+        conflicts: Ids of the conflicts, the surest first: nobody holds up actors on paths of their
+            own, other traffic holds up those in lanes.
         reason: Why it can stage none; empty if it can.
     """
 
@@ -87,16 +87,16 @@ class JunctionSuggestion:
 
 @dataclass(frozen=True)
 class MapSuggestions:
-    """What a map can stage.
+    """Conflicts to stage on a map.
 
     Attributes:
-        junctions: Junctions of three arms or more, those with the most conflicts first; twice
+        junctions: Junctions of three arms or more, the ones with the most conflicts first; twice
             where some conflicts have a place only for an ego without another vehicle.
         documents: Declarations of roads and suite, by the name of their file.
         suite: Id of the suite.
         driving_side: Side on which traffic drives.
-        untried_count: Number of smaller junctions that were not tried.
-        left_out: Parts of the map that are not taken over.
+        untried_count: Number of smaller junctions left untried.
+        left_out: Omitted parts of the map.
     """
 
     junctions: tuple[JunctionSuggestion, ...]
@@ -114,13 +114,13 @@ def suggest_conflicts(
     *,
     on_junction: Callable[[int, int], None] = lambda done, total: None,
 ) -> MapSuggestions:
-    """Find the conflicts that each junction of a map can stage.
+    """Find the conflicts to stage at each junction of a map.
 
     Args:
         file: The map.
         source: Its format.
         name: Id of road and suite; by default the name of the file.
-        on_junction: Called before each junction with the number of those done and of all.
+        on_junction: Called before each junction with the numbers of finished and of all junctions.
 
     Raises:
         InputError: The map cannot be used, or has no junction of three arms.
@@ -203,7 +203,7 @@ class _Finder:
         return sorted(found, key=lambda item: -len(item.directions))
 
     def suggest(self, arms: JunctionArms) -> list[JunctionSuggestion]:
-        """List what each crew can stage and those before it cannot; or why none."""
+        """List the conflicts of each crew that the crews before it cannot stage; or why none."""
         control, text = self.planner.controls.get(arms.junction, "none"), arms.describe()
         try:
             return list(self._suggest(arms.junction, control, text))
@@ -312,7 +312,7 @@ def _dump(data: Mapping[str, object]) -> str:
 
 
 def write_suggestions(found: MapSuggestions, file: Path, output: Path) -> Iterator[Path]:
-    """Write the declarations and a copy of their map to a folder; yield what was written.
+    """Write the declarations and a copy of their map to a folder; yield their paths.
 
     Raises:
         InputError: A file exists already, or the folder cannot be written.

@@ -26,9 +26,9 @@ MAX_DISTANCE_M = 120.0
 CLEARANCE_M = 0.6
 """Distance of masts, trees, walls and buildings from paving, whose width maps seldom have."""
 TREE_CLEARANCE_M = 3.5
-"""Distance of trunks from paving, so that crowns are not in the way of vehicles."""
+"""Distance of trunks from paving, to keep crowns out of the way of vehicles."""
 MIN_LEFT_FRACTION = 0.5
-"""Part of a building that must be off the paving."""
+"""Least fraction of a building off the paving."""
 MIN_AREA_M2, MIN_LINE_M = 6.0, 1.0
 SIMPLIFY_M = 0.3
 STOREY_M = 3.1
@@ -42,7 +42,7 @@ LOW_BUILDINGS = {
     "greenhouse": 3.5,
     "hut": 2.8,
 }
-"""Heights of buildings that have no storeys, by their tag."""
+"""Heights of buildings without storeys, by their tag."""
 ROOFS: dict[str, Roof] = {
     "flat": "flat",
     "skillion": "flat",
@@ -73,7 +73,7 @@ USES: dict[tuple[str, str], BuildingUse] = {
     ("landuse", "industrial"): "industrial",
     ("landuse", "railway"): "industrial",
 }
-"""Uses of buildings by their own tag, or else by that of the land that they are on."""
+"""Uses of buildings by their own tag, or else by the tag of their land."""
 LINES = {
     ("barrier", "wall"): SurroundingKind.WALL,
     ("barrier", "retaining_wall"): SurroundingKind.WALL,
@@ -96,7 +96,7 @@ AREAS = {
     ("waterway", "riverbank"): SurroundingKind.WATER,
     ("leisure", "swimming_pool"): SurroundingKind.WATER,
 }
-"""Kinds by tag; grass and meadow are what the ground is anyway."""
+"""Kinds by tag; grass and meadow are the ground's default."""
 STREET_TREES = (Species.OAK, Species.MAPLE, Species.BIRCH)
 """Trees whose crowns begin above vehicles."""
 POINTS: dict[tuple[str, str], tuple[SurroundingKind, tuple[Species, ...]]] = {
@@ -109,12 +109,12 @@ TREE_SPACING_M, MAX_TREES = 7.0, 1500
 
 
 def read_surroundings(declared: MapFile, road: Road, folder: Path) -> tuple[Surrounding, ...]:
-    """Read what an extract has near the streets of its imported road.
+    """Read the surroundings of an extract near the streets of its imported road.
 
     Args:
         declared: The map; other than extracts have no surroundings.
         road: The road with its network.
-        folder: What the map's path is relative to.
+        folder: Base of the map's path.
 
     Raises:
         InputError: There are too many.
@@ -133,7 +133,7 @@ def read_surroundings(declared: MapFile, road: Road, folder: Path) -> tuple[Surr
 
 
 class _Places:
-    """Surroundings of an extract that are near paving, and not on it."""
+    """Surroundings of an extract, near paving but not on it."""
 
     def __init__(self, osm: OsmMap, paving: BaseGeometry) -> None:
         self._osm = osm
@@ -199,7 +199,7 @@ class _Places:
                 yield Surrounding(kind=kind, line_m=outline)
 
     def _plant_trees(self, wood: shapely.Polygon, number: int) -> tuple[Point2, ...]:
-        """Place the trees of a wood that are near streets; the rest is seen as a whole."""
+        """Place the trees of a wood near streets; the rest is one outline."""
         west, south, east, north = wood.bounds
         x, y = np.meshgrid(
             np.arange(west, east, TREE_SPACING_M), np.arange(south, north, TREE_SPACING_M)

@@ -1,7 +1,7 @@
 """Locks of catalogues: the checksum of each 3-D model as built, in a file next to the catalogue.
 
-`advercity assets lock` writes them. Specs take their checksums from here, so that compiling needs
-no models.
+`advercity assets lock` writes them. Specs take their checksums from here: compiling needs no
+models.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,7 +24,7 @@ class LockedModel(Model):
     """A model of a blueprint.
 
     Attributes:
-        declared: SHA-256 of what it is built from, `compute_declared_digest`.
+        declared: SHA-256 of its sources, `compute_declared_digest`.
         built: SHA-256 of the converted model.
     """
 
@@ -33,11 +33,11 @@ class LockedModel(Model):
 
 
 class ModelLock(Model):
-    """The models of a catalogue by blueprint, and what they were converted with.
+    """The models of a catalogue by blueprint, and the tools of their conversion.
 
     Attributes:
         conversion: Version of the conversion.
-        packages: SHA-256 of the asset packages that were installed.
+        packages: SHA-256 of the installed asset packages.
         models: Models by blueprint.
     """
 
@@ -103,7 +103,9 @@ def find_locked_model(
 def find_inherited_model(
     source: ResolvedDeclaration, name: str, blueprint: Blueprint, read: ReadLock = read_lock
 ) -> str | None:
-    """Find the checksum in the lock of a catalogue, or of the one that declares the model."""
+    """Find the checksum in the lock of a catalogue, or of the catalogue with the model's
+    declaration.
+    """
     own, declaring = source.document, source.find_document(("blueprints", name, "model"))
     paths = dict.fromkeys((own.path, declaring.path))
     found = (find_locked_model(path, name, blueprint, read) for path in paths)

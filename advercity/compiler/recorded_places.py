@@ -22,7 +22,7 @@ UNMOTORISED = ("pedestrian", "bicycle")
 
 
 def check_places(spec: Spec, tracks: Iterable[Track]) -> None:
-    """Check that motor vehicles are on the map, and log which of them drive next to its lanes.
+    """Check that motor vehicles are on the map, and log the ones next to its lanes.
 
     Args:
         spec: A spec of the road.

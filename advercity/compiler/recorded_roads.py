@@ -53,14 +53,14 @@ SPECS_FOLDER = "specs"
 
 @dataclass(frozen=True)
 class Recording:
-    """Tracks of a file, and the map that it names.
+    """Tracks of a file, and its map.
 
     Attributes:
         path: The file.
         tracks: Its tracks.
         map_file: Its map; None if it names none.
-        left_out: Parts of the file that are not taken over.
-        programs: What lights of a SUMO network showed; others run the programs of the map.
+        left_out: Omitted parts of the file.
+        programs: Recorded states of lights of a SUMO network; others run the programs of the map.
     """
 
     path: Path
@@ -106,9 +106,9 @@ def load_recorded_scenario(
 
     Args:
         path: The file.
-        map_file: Map that replaces the one that it names.
+        map_file: Map in place of its own.
         root: Folder in which its catalogues must be.
-        parameters: Values that replace those that it declares.
+        parameters: Values in place of the declared ones.
     """
     found = read_scenario(path, map_file=map_file, root=root, parameters=parameters)
     named = path.parent / found.map_file if found.map_file else None
@@ -118,19 +118,19 @@ def load_recorded_scenario(
 def write_recorded_road(
     recording: Recording, map_file: Path | None, choice: ReplayChoice, output: Path
 ) -> list[Spec]:
-    """Write a library whose road has the tracks of a recording, and compile it.
+    """Write a library with a road for the tracks of a recording, and compile it.
 
     The specs are for `output / SPECS_FOLDER`.
 
     Args:
         recording: The recording.
-        map_file: Its map; None is the one that it names.
-        choice: What to take of it.
+        map_file: Its map; None is the map it names.
+        choice: The part of it to take.
         output: Folder for road, suite, table and map.
 
     Raises:
-        InputError: Something chosen does not exist, the map does not fit, or a file in the folder
-            may not be replaced.
+        InputError: A choice does not exist, the map does not fit, or a file in the folder may not
+            be replaced.
     """
     library = load_library(find_shipped_library())
     _check_choice(choice, library)
@@ -198,7 +198,7 @@ _NO_TRAFFIC = {
 
 
 def _check_choice(choice: ReplayChoice, library: Library) -> None:
-    """Check what does not depend on the recording."""
+    """Check the choices without the recording."""
     latitude_deg, longitude_deg = choice.origin_deg or (0.0, 0.0)
     if not (abs(latitude_deg) <= MAX_LATITUDE_DEG and abs(longitude_deg) <= MAX_LONGITUDE_DEG):
         raise InputError(
@@ -224,7 +224,7 @@ def _check_known(kind: str, name: str, known: Iterable[str]) -> None:
 
 
 def _check_extent(tracks: Iterable[Track]) -> None:
-    """Check that tracks are where a map can be."""
+    """Check that tracks are within the limits of a map."""
     for track in tracks:
         if not np.abs(track.places).max() <= MAX_PLACE_M:
             raise InputError(
@@ -300,7 +300,7 @@ def _get_vehicle(by_id: dict[str, Track], name: str, option: str) -> Track:
 
 
 def _find_span(ego: Track, choice: ReplayChoice) -> tuple[float, float]:
-    """Find the time to take: what the ego was recorded for, as far as it is asked for."""
+    """Find the time to take: the ego's recorded time, within the requested one."""
     begins, ends = float(ego.times_s[0]), float(ego.times_s[-1])
     from_s = begins if choice.from_s is None else choice.from_s
     to_s = min(ends, from_s + MAX_DURATION_S) if choice.to_s is None else choice.to_s

@@ -20,13 +20,13 @@ SUITE_REFERENCES = {
     "drivers": "drivers",
     "reaction_weather": "weather",
 }
-"""Fields of a suite that name declarations, and of which kind."""
+"""Fields of a suite with names of declarations, and their kinds."""
 SELECTIONS = ("roads", "weathers", "densities", "cross_conflicts")
-"""Fields of a suite that may be `all`; in the others that is an id."""
+"""Fields of a suite with `all` as an option; in the others it is an id."""
 
 
 def check_references(library: Library, suites: Iterable[Suite]) -> None:
-    """Check every name that suites, and the library's conflicts and catalogues, refer to.
+    """Check every name in suites and in the library's conflicts and catalogues.
 
     Raises:
         DiagnosticsError: With all unknown names, also of fields.

@@ -37,8 +37,7 @@ DeclarationT = TypeVar("DeclarationT", bound=Declaration)
 SWEEP_DIGITS = 3
 """Significant digits of the computed values between the ends of a sweep."""
 ID_DIGITS = 12
-"""Significant digits of a swept value in an id: all that an author writes, without rounding errors
-of units."""
+"""Significant digits of a swept value in an id: as written, without rounding errors of units."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +49,12 @@ class SweepStep:
 
     @property
     def kind(self) -> str:
-        """Kind of the declaration that it changes."""
+        """Kind of the changed declaration."""
         return parse_field_path(self.field)[0]
 
     @property
     def value_path(self) -> ValuePath:
-        """Path of the field in that declaration."""
+        """Path of the field in the declaration."""
         return parse_field_path(self.field)[1]
 
     @property
@@ -190,7 +189,7 @@ def _compute_sweep_values(sweep: Sweep, constraints: NumberConstraints) -> list[
         round(value) if constraints.whole else float(f"{value:.{SWEEP_DIGITS}g}")
         for value in between
     ]
-    # The ends are what the author wrote, so they are not rounded.
+    # The author wrote the ends, so they are not rounded.
     return [first, *rounded, last]
 
 
@@ -238,7 +237,7 @@ class ScenarioInputs:
 
     @property
     def origin(self) -> dict[str, str]:
-        """Declarations and values that make the id."""
+        """Declarations and values in the id."""
         step = self.step
         return {
             "road": self.road.id,
@@ -251,7 +250,7 @@ class ScenarioInputs:
 
     @property
     def blueprints(self) -> dict[str, Blueprint]:
-        """Blueprints that occur in the road's surroundings, without models of unused packages."""
+        """Blueprints for the road's surroundings, without models of unused packages."""
         return {
             name: blueprint if self.looks == "full" else _remove_package_model(blueprint)
             for name, blueprint in self.catalogue.blueprints.items()
@@ -260,12 +259,12 @@ class ScenarioInputs:
 
     @property
     def traffic_key(self) -> TrafficKey:
-        """Key that is equal for scenarios with the same traffic."""
+        """Key shared by scenarios with the same traffic."""
         return self.road.id, self.density.id, self.conflicts.crossed_id, self.step, self.sample_key
 
     @property
     def sample_key(self) -> tuple[str, ...]:
-        """Part of the keys of random numbers that differ between samples of a road and density.
+        """Part of the random numbers' keys: differs between samples of a road and density.
 
         Weathers are samples of their own unless they are paired, repeats from the second on.
         """
@@ -350,7 +349,7 @@ def apply_speed_limits(road: Road, density: Density) -> Road:
 def draw_scenario_weather(
     entry: LibraryEntry[Weather], seed: int, spec_id: str, step: SweepStep | None
 ) -> tuple[Weather, Distributions]:
-    """Draw the weather of one spec; return it with the distributions that were drawn."""
+    """Draw the weather of one spec; return it with the drawn distributions."""
     source, distributions = entry.source, entry.distributions
     if step is not None and step.kind == "weather":
         # The swept value replaces a distribution at its path, which then is not drawn.
@@ -411,7 +410,7 @@ def build_spec_id(
 def localize_weather(
     entry: LibraryEntry[Weather], weather: Weather, road: Road, *, require_sun: bool = True
 ) -> Weather:
-    """Replace the sun of a weather by that of `sun_at` at a road.
+    """Replace the sun of a weather by the road's sun in `sun_at`.
 
     Raises:
         DiagnosticsError: The sun in view of the ego is required but has not been computed.

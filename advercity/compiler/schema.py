@@ -52,7 +52,7 @@ def build_schema(kind: str) -> dict[str, Any]:
         _let_mappings_extend(schema)
     if kind == "weather":
         _allow_distributions(schema)
-    # The newest draft that the YAML language server supports completely.
+    # The newest draft with complete support in the YAML language server.
     return {"$schema": "http://json-schema.org/draft-07/schema#", **schema}
 
 
@@ -85,9 +85,9 @@ def _build_model_schema(model: type[Model]) -> dict[str, Any]:
 
 
 def _let_mappings_extend(schema: dict[str, Any]) -> None:
-    """Require the fields of mappings at the top only of files that extend no other.
+    """Require the fields of mappings only at the top of files without `extends`.
 
-    Mappings merge with what a file extends.
+    Mappings merge with the parents' mappings.
     """
     names = {
         field: references[0]
@@ -105,7 +105,7 @@ def _let_mappings_extend(schema: dict[str, Any]) -> None:
 
 
 def _list_references(field: dict[str, Any]) -> list[str]:
-    """List the names of the definitions that a field refers to, but not those of its items."""
+    """List the names of the definitions to which a field refers, without those of its items."""
     options = [field, *field.get("anyOf", [])]
     return [option["$ref"].rpartition("/")[2] for option in options if "$ref" in option]
 

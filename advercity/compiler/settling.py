@@ -1,7 +1,7 @@
-"""Search what only a simulation shows: the seed and the waits with which conflicts happen.
+"""Search by simulation for the seed and the waits with which conflicts happen.
 
-Attempts come in a fixed order, and the first that succeeds is taken, so that the same declarations
-give the same specs.
+Attempts come in a fixed order and the first success counts: the same declarations give the same
+specs.
 """
 
 import math
@@ -18,21 +18,21 @@ from advercity.compiler.suite_conflicts import RoadConflicts, UnstageableError, 
 from advercity.conflicts.checks import Finding
 
 MAX_SEEDS = 20
-"""Number of seeds for which a conflict is solved; those that cannot be are not simulated."""
+"""Number of seeds tried for a conflict; seeds without a solution are not simulated."""
 
 Judge = Callable[[Spec], str]
-"""Simulates a spec and says what did not happen as declared; empty if everything did."""
+"""Simulates a spec and describes any event that did not happen as declared; else empty."""
 
 
 @dataclass(frozen=True)
 class SolvedTraffic:
-    """What the scenarios that share one traffic have in common.
+    """Common parts of the scenarios with the same traffic.
 
     Attributes:
         suite: The suite, with the traffic's seed.
         conflicts: The staged conflicts.
         road: The road with lights and waits timed for them.
-        settlement: What was found by simulation; None if nothing was sought.
+        settlement: Seed and waits found by simulation; None without a search.
     """
 
     suite: Suite
@@ -125,7 +125,7 @@ def _at_place(inputs: ScenarioInputs, place: RoadConflicts) -> ScenarioInputs:
 
 
 def _let_others_wait(solved: SolvedTraffic) -> dict[str, float]:
-    """Let all others but the ego set out when it has met its last actor.
+    """Make all others wait until the ego has met its last actor.
 
     They neither queue behind an actor that stands until then, nor have right of way over the ego.
     """

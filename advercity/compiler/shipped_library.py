@@ -1,4 +1,4 @@
-"""The library that ships with advercity, and the examples in it, which are there to be copied."""
+"""The library of advercity, and the examples in it, which you can copy."""
 
 from collections.abc import Iterable
 from importlib.resources import files
@@ -18,7 +18,7 @@ def find_shipped_library() -> Path:
 
 
 def find_example(kind: str, name: str) -> Path | None:
-    """Find the example that declares a name; None if no example does."""
+    """Find the example with a name; None without one."""
     for path in (find_shipped_library() / EXAMPLES_FOLDER).glob("*.yaml"):
         if path.stem == name and f"\nkind: {kind}\n" in path.read_text(encoding="utf-8"):
             return path
@@ -26,7 +26,7 @@ def find_example(kind: str, name: str) -> Path | None:
 
 
 def suggest_declaration(kind: str, name: str, valid: Iterable[str]) -> str:
-    """Return a hint with the example that has a name, else with similar or all valid names."""
+    """Return a hint with the example of this name, else with similar or all valid names."""
     example = find_example(kind, name)
     if example is not None:
         return f"an example has this name; copy {example} into the library"

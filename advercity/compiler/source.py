@@ -32,7 +32,7 @@ class SourceDocument:
         data: Plain dicts, lists and scalars.
         positions: Position of each value, by its path from the root.
         key_positions: Position of each mapping key, by the same path.
-        diagnostics: Errors that do not depend on the kind of the declaration.
+        diagnostics: Errors independent of the declaration's kind.
     """
 
     path: Path
@@ -108,7 +108,7 @@ def replace_values(data: Any, values: Mapping[ValuePath, Any]) -> Any:
     """Return a copy of nested data with other values at some paths, creating missing mappings.
 
     Raises:
-        IndexError: A path leads to an item that a list does not have.
+        IndexError: A path leads to a missing item of a list.
     """
     for value_path, value in values.items():
         data = _replace_value(data, value_path, value)
@@ -131,7 +131,8 @@ def _replace_value(data: Any, value_path: ValuePath, value: Any) -> Any:
 class _Loader(yaml.CSafeLoader):
     """Resolves plain scalars by the core schema of YAML 1.2 instead of YAML 1.1."""
 
-    # Its own table: PyYAML would otherwise copy that of YAML 1.1, where `on` and `1_0` are values.
+    # Its own table: PyYAML would otherwise copy the one of YAML 1.1, where `on` and `1_0` are
+    # values.
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
 
 

@@ -68,14 +68,14 @@ def _format_flat(value: Any) -> str:
 def write_specs(specs: Iterable[Spec], folder: str | os.PathLike[str]) -> str:
     """Write every spec as `<id>.json`, and remove obsolete specs of the same suites.
 
-    Only files that were compiled, and not edited since, are replaced or removed.
+    Only compiled files without later edits are replaced or removed.
 
     Returns:
-        What changed: `2 new, 1 changed, 107 unchanged, 3 removed`.
+        The numbers of changes: `2 new, 1 changed, 107 unchanged, 3 removed`.
 
     Raises:
-        InputError: The folder is not writable or in a scenario of a dataset, or a file of that name
-            is not as it was compiled.
+        InputError: The folder is not writable or in a scenario of a dataset, or a file of the same
+            name is not a spec as compiled.
     """
     specs, folder = list(specs), Path(folder)
     check_is_outside_scenarios(folder)
@@ -96,7 +96,7 @@ def write_specs(specs: Iterable[Spec], folder: str | os.PathLike[str]) -> str:
 
 
 def check_spec_files(specs: Iterable[Spec], folder: Path) -> None:
-    """Raise an InputError if `write_specs` would refuse to replace a file of that name."""
+    """Raise an InputError if `write_specs` would refuse to replace a file."""
     for spec in specs:
         _compare_file(folder / f"{spec.id}.json", to_json(spec))
 
@@ -121,7 +121,7 @@ def _has_text(path: Path, text: str) -> bool:
 
 
 def _find_stale_files(folder: Path, specs: Sequence[Spec]) -> list[Path]:
-    """Return the specs in a folder that earlier compilations of the same suites have left."""
+    """Return the obsolete specs of the same suites in a folder."""
     suites = {spec.provenance.suite for spec in specs}
     names = {f"{spec.id}.json" for spec in specs}
     others = [path for path in sorted(folder.glob("*.json")) if path.name not in names]
@@ -129,9 +129,9 @@ def _find_stale_files(folder: Path, specs: Sequence[Spec]) -> list[Path]:
 
 
 def _find_suite(path: Path) -> str | None:
-    """Return the suite that a file was compiled for; None if it is not as the compiler wrote it.
+    """Return the suite of a compiled file; None if it is not as the compiler wrote it.
 
-    A link is not, whatever it leads to.
+    A link is not, whatever its target.
     """
     if path.is_symlink():
         return None
@@ -144,7 +144,7 @@ def _find_suite(path: Path) -> str | None:
 
 
 def describe_spec_differences(specs: Sequence[Spec], folder: Path) -> list[str]:
-    """Describe each spec that is missing, obsolete or different in a folder."""
+    """Describe each missing, obsolete or different spec in a folder."""
     texts = {f"{spec.id}.json": to_json(spec) for spec in specs}
     differences = [
         f"{path}: no declaration compiles to this spec" for path in _find_stale_files(folder, specs)

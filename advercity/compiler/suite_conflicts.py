@@ -1,4 +1,4 @@
-"""Select, match and solve the conflicts that a suite's scenarios stage, with diagnostics."""
+"""Select, match and solve the conflicts of a suite's scenarios, with diagnostics."""
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -32,19 +32,19 @@ from advercity.roads.plan_frame import mirror_conflict, mirror_road, to_plan_fra
 _logger = logging.getLogger(__name__)
 CrashGroups = Mapping[str, tuple[CrashGroup, ...]]
 EGO_WAITS_S = (0.0, 4.0, 8.0)
-"""Times that the ego waits longer than declared, until a conflict has room before it."""
+"""Extra waits of the ego, until a conflict has room before it."""
 
 
 @dataclass(frozen=True)
 class RoadConflicts:
-    """A road and the conflicts that one of its scenarios stages."""
+    """A road and the conflicts of one of its scenarios."""
 
     road: Road
     conflicts: tuple[Conflict, ...]
     crossed: Conflict | None = None
-    """The conflict that the suite crosses roads with, whose id is part of the scenario's."""
+    """The conflict crossed with roads by the suite; its id is part of the scenario's."""
     elsewhere: tuple[Road, ...] = ()
-    """The road with the ego on other arms of its junction, for conflicts that cannot be staged."""
+    """The road with the ego on other arms of its junction, for conflicts not possible here."""
 
     @property
     def places(self) -> tuple["RoadConflicts", ...]:
@@ -58,7 +58,7 @@ class RoadConflicts:
 
     @property
     def crossed_id(self) -> str | None:
-        """Id of the conflict that the suite crosses roads with."""
+        """Id of the conflict crossed with roads by the suite."""
         return self.crossed.id if self.crossed else None
 
 
@@ -83,11 +83,11 @@ Turns = tuple[RoadConflicts, ...]
 def select_conflicts(
     library: Library, suite: Suite, roads: Mapping[str, Road], groups: CrashGroups
 ) -> list[Turns]:
-    """Select the conflicts of every road, as a suite asks for.
+    """Select the conflicts of every road by its suite.
 
     Raises:
-        DiagnosticsError: A conflict does not fit its road, or a group that calls for a road is not
-            staged on it.
+        DiagnosticsError: A conflict does not fit its road, or a required group is not staged on its
+            road.
     """
     if suite.cross_conflicts:
         return [(item,) for item in _select_crossed(library, suite, roads, groups)]
@@ -104,7 +104,7 @@ def solve_road_conflicts(
     ego: Blueprint,
     sample_key: tuple[str, ...] = (),
 ) -> tuple[tuple[StagedConflict, ...], Road]:
-    """Solve the conflicts of a scenario; weathers that are paired have the same.
+    """Solve the conflicts of a scenario; paired weathers share them.
 
     The ego comes from the first arm from which they can be staged. It waits longer than declared
     where it would meet the first actor too soon.
@@ -183,7 +183,7 @@ def _solve_place(
         except (UnsolvableError, InputError) as error:
             finding = Finding(("id",), str(error), "")
             raise UnstageableError(cell.road, conflict, finding) from None
-        # Whether it leaves room shows in the drive that earlier conflicts alone limit.
+        # The drive limited by earlier conflicts alone shows whether it leaves room.
         drive = limited.with_zones(*drive.zones)
         finding = find_infeasibility(conflict, drive, density, solution) or find_crowding(
             solution, solutions, suite.timing
@@ -201,7 +201,7 @@ def _solve_place(
 def build_refusal_diagnostic(
     library: Library, suite: Suite, refusal: UnstageableError
 ) -> Diagnostic:
-    """Build a diagnostic in the suite, or in the conflict if that does not ship."""
+    """Build a diagnostic in the suite, or in the conflict if it is the author's."""
     conflict, finding = refusal.conflict, refusal.finding
     message = f"cannot be staged on '{refusal.road.id}': {finding.message}"
     if not library.is_shipped(conflict):
@@ -222,7 +222,7 @@ def build_refusal_diagnostic(
 
 
 def find_typology(library: Library, conflict: Conflict) -> str:
-    """Find the typology that a conflict's crash types belong to.
+    """Find the typology of a conflict's crash types.
 
     Raises:
         DiagnosticsError: They belong to several.
@@ -288,9 +288,9 @@ def _stage_on_road(road: Road, conflicts: tuple[Conflict, ...]) -> RoadConflicts
 def _find_unstaged_groups(
     library: Library, suite: Suite, road: Road, conflicts: tuple[Conflict, ...], groups: CrashGroups
 ) -> Iterator[Diagnostic]:
-    """Find groups that call for a road and are not staged on it, and the other way round.
+    """Find required groups not staged on their road, and staged groups not required.
 
-    A group without any declared conflict cannot be staged; that is no mistake of the suite's.
+    A group without any declared conflict cannot be staged; this is no mistake of the suite.
     """
     declared_id = library.find_declared_id(road.id)
     if declared_id not in suite.stage:
@@ -332,7 +332,7 @@ def _select_crossed(
                 misfits.append(f"{road.id}: cannot stage {conflict.id}: {_explain(binding)}")
     if not found:
         raise DiagnosticsError(*_describe_misfits(library, suite, roads, groups, wanted))
-    # `all` asks for those that fit.
+    # `all` selects the conflicts that fit.
     for line in misfits if suite.cross_conflicts != "all" else ():
         _logger.warning("%s", line)
     return found
@@ -366,7 +366,7 @@ def _describe_misfits(
     groups: CrashGroups,
     wanted: Iterable[str],
 ) -> Iterator[Diagnostic]:
-    """Say of every conflict that a suite crosses roads with why it fits none, and what would."""
+    """Describe why each crossed conflict fits no road, and which road would fit."""
 
     def match(name: str, road: Road) -> Binding:
         return _match_conflict(library, declared[name], road, groups)

@@ -1,4 +1,4 @@
-"""Suites: selection of typologies, roads that those require, and the declarations of a suite."""
+"""Suites: selection of typologies, their required roads, and the declarations of a suite."""
 
 import logging
 import math
@@ -70,7 +70,7 @@ class RoadCategory:
 
 
 def find_required_categories(typology: Typology, rule: Coverage) -> tuple[RoadCategory, ...]:
-    """Return the kinds of roads that a typology requires: the product of its frequent features."""
+    """Return the kinds of roads for a typology: the product of its frequent features."""
     roads = typology.roads
     if roads is None:
         return ()
@@ -91,7 +91,7 @@ def find_required_categories(typology: Typology, rule: Coverage) -> tuple[RoadCa
 
 
 CONNECTED_CLASSES = ("car", "van", "truck")
-"""Classes of blueprints that a connected vehicle can have."""
+"""Classes of blueprints for connected vehicles."""
 SPAWN_AREAS = 8
 """Areas for which vehicles are counted: around each of five agents, along each of three paths."""
 
@@ -100,7 +100,7 @@ def check_demand(library: Library, road: Road, density: Density) -> None:
     """Check that a road has room for the traffic of a density; warn where it has no pedestrians.
 
     Raises:
-        DiagnosticsError: It has not.
+        DiagnosticsError: It has no room.
     """
     vehicles, walkers = compute_demand_counts(road, density)
     lane_m, sidewalk_m = (
@@ -127,7 +127,7 @@ def compute_demand_counts(road: Road, density: Density) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class ResolvedSuite:
-    """Declarations that a suite crosses, by id, and those that are common to its scenarios."""
+    """Declarations crossed by a suite, by id, and the ones common to its scenarios."""
 
     roads: Mapping[str, Road]
     weathers: Mapping[str, Weather]
@@ -141,7 +141,7 @@ class ResolvedSuite:
 
 
 def list_left_out(library: Library, declared: Suite, suite: ResolvedSuite) -> Iterator[str]:
-    """List what of a suite has no effect: junctions where agents cannot be, roads not selected."""
+    """List the parts of a suite without effect: junctions without agents, unselected roads."""
     entries = {
         library.find_declared_id(road.id): library.find_entry(road) for road in suite.roads.values()
     }
@@ -150,13 +150,13 @@ def list_left_out(library: Library, declared: Suite, suite: ResolvedSuite) -> It
             yield f"{name}: no agents at {junction}: {reason}"
     document = library.find_entry(declared).source.document
     for name in declared.stage:
-        # A suite that extends another may select fewer roads than that one stages conflicts on.
+        # A suite may select fewer roads than its parent stages conflicts on.
         if name not in entries and document.has_value(("stage", name)):
             yield f"{declared.id}: stages nothing on '{name}', which `roads` does not select"
 
 
 def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
-    """Find the declarations that a suite names; `check_references` has found that they exist."""
+    """Find the declarations named by a suite, which `check_references` has checked."""
 
     def find(field: str, kind: type[DeclarationT]) -> dict[str, DeclarationT]:
         available = library.get_declarations(kind)
@@ -183,7 +183,7 @@ def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
 
 
 def select_sensors(place: Vehicle | RoadsideUnit, rig: Rig) -> SensorSet | None:
-    """Select what a rig has for an agent at a place; None if the rig has nothing for its kind."""
+    """Select a rig's sensors for an agent at a place; None if the rig has none for its kind."""
     return rig.roadside_unit if isinstance(place, RoadsideUnit) else rig.vehicle
 
 
@@ -191,9 +191,9 @@ def check_resolved_suite(library: Library, declared: Suite, suite: ResolvedSuite
     """Check the declarations of a suite against each other.
 
     Raises:
-        DiagnosticsError: The suite equips agents that do not exist or cannot have it, a roadside
-            unit has no vertical field of view, a road does not have exactly one ego, an agent
-            is off its road's map, or messages are sent between two ticks.
+        DiagnosticsError: The suite equips missing or unsuitable agents, a roadside unit has no
+            vertical field of view, a road does not have exactly one ego, an agent is off its road's
+            map, or messages are sent between two ticks.
     """
     diagnostics = [*_check_named_agents(library, declared, suite)]
     diagnostics += _check_swept_channel(library, declared, suite)
@@ -211,7 +211,7 @@ def check_resolved_suite(library: Library, declared: Suite, suite: ResolvedSuite
 
 
 def _check_recorded_road(library: Library, suite: Suite, road: Road) -> Iterator[Diagnostic]:
-    """Check that nothing is staged among actors that follow recorded trajectories."""
+    """Check that no conflict is staged among actors with recorded trajectories."""
     staged = ("stage", road.id) if suite.stage.get(road.id) else ()
     at = ("cross_conflicts",) if suite.cross_conflicts else staged
     if road.trajectories is not None and at:
@@ -236,7 +236,7 @@ def _check_named_agents(
 def _check_swept_channel(
     library: Library, declared: Suite, suite: ResolvedSuite
 ) -> Iterator[Diagnostic]:
-    """Check that a suite that sweeps a field of its channel has one."""
+    """Check that a suite with a swept channel field has a channel."""
     sweep = declared.sweep
     if suite.channel is None and sweep is not None and sweep.field.startswith("channel."):
         message, hint = "the suite has no channel", "name one: `channel: ideal`"

@@ -27,7 +27,7 @@ MIN_STREET_M = 30.0
 MAST_OFFSET_M = 1.0
 """Distance of lamps, poles and furniture from the paving."""
 MAST_CLEARANCE_M = 0.6
-"""Distance that they keep from the paving of other streets."""
+"""Distance of masts from the paving of other streets."""
 
 
 @dataclass(frozen=True)
@@ -86,11 +86,11 @@ STYLES = {
 
 
 _GENERATED_AS = {SurroundingKind.HOUSES: SurroundingKind.BUILDINGS}
-"""Kinds that a style may generate instead of one that the map has."""
+"""Kinds of a style that may take the place of a kind on the map."""
 
 
 def grow_surroundings(road: Road, mapped: Sequence[Surrounding] = ()) -> Road:
-    """Add what the map of a road has along its streets, and what its style has of other kinds."""
+    """Add the surroundings on the map of a road, and the other kinds of its style."""
     grown = list(mapped)
     if road.style is not None:
         style, plan = STYLES[road.style], to_plan_frame(road)
@@ -130,7 +130,7 @@ def _iterate_furniture(road: Road, style: _Style) -> Iterator[Surrounding]:
 
 
 def _iterate_bands(road: Road, style: _Style) -> Iterator[Surrounding]:
-    # Buildings of all streets first, so that no tree takes their ground.
+    # Buildings of all streets first: trees must not take their ground.
     for kind, offset_m, spacing_m in style.bands:
         for street in _iterate_streets(road):
             beside = _place_beside(street, offset_m)

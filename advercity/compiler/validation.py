@@ -1,6 +1,6 @@
 """Validation of located data against models, with pydantic's errors in the author's terms.
 
-Each type of pydantic's errors has a function that describes it; any other keeps pydantic's text.
+A function describes each type of pydantic's errors; other types keep pydantic's text.
 """
 
 import math
@@ -46,7 +46,7 @@ class FieldError(NamedTuple):
         model: Model against which the data was validated.
         value: The invalid value.
         loc: Its location in the model, including tags of unions.
-        context: Details that depend on the type of the error: lengths, a pattern, expected values.
+        context: Details by the type of the error: lengths, a pattern, expected values.
         message: Pydantic's message.
     """
 
@@ -181,7 +181,7 @@ def _describe_unknown_tag(error: FieldError) -> MessageAndHint:
 
 
 def _find_tag_field(context: Mapping[str, Any]) -> str | None:
-    """Find the field that selects an alternative: pydantic quotes fields, but not functions."""
+    """Find the field that selects an alternative; pydantic quotes fields, but not functions."""
     discriminator: str = context["discriminator"]
     return discriminator.strip("'") if discriminator.startswith("'") else None
 
@@ -257,9 +257,9 @@ def validate_model(
     Args:
         model: Class of the model.
         source: Data with positions.
-        data: Data to use instead, with values that the source does not have.
-        previous: Diagnostics found earlier, reported together with those found here.
-        malformed: Paths of values whose content `previous` is about.
+        data: Data to use instead, with values not in the source.
+        previous: Earlier diagnostics, to report together with the new ones.
+        malformed: Paths of values with an error in `previous`.
 
     Raises:
         DiagnosticsError: The data is not valid, or `previous` is not empty.
@@ -267,7 +267,7 @@ def validate_model(
     try:
         instance = model.model_validate(source.data if data is None else data)
     except ValidationError as error:
-        # A value that could not even be parsed is reported once, not again as missing.
+        # A value with a parsing error is reported once, not again as missing.
         reported = {item.value_path for item in previous if item.value_path}
         reported.update(map(format_value_path, malformed))
         diagnostics = build_diagnostics(model, source, error)
@@ -312,7 +312,7 @@ def _build_field_diagnostic(
 
 
 def _suggest_field(model: type[Model], loc: ValuePath) -> str:
-    """Return the most similar field, or how to correct a key that YAML read differently."""
+    """Return the most similar field, or the correction of a key misread by YAML."""
     name = str(loc[-1])
     if ":" in name:
         return "put a space after the colon"
@@ -359,7 +359,7 @@ def _is_consequence(detail: Any) -> bool:
 
 
 def _find_source_path(source: LocatedData, loc: ValuePath, at: ValuePath) -> ValuePath:
-    """Remove from `loc` the tags that pydantic inserts for the alternatives of a union."""
+    """Remove from `loc` pydantic's tags for the alternatives of a union."""
     value_path = at
     for part in loc:
         if source.has_value((*value_path, part)):
@@ -369,7 +369,7 @@ def _find_source_path(source: LocatedData, loc: ValuePath, at: ValuePath) -> Val
 
 def _keep_best_alternative(source: LocatedData, details: list[Any], at: ValuePath) -> list[Any]:
     """Drop the errors of all alternatives of a union but the best match, others unchanged."""
-    # pydantic reports every alternative of a union that failed, which is all of them.
+    # pydantic reports every failed alternative of a union, which is all of them.
     by_value: dict[ValuePath, dict[str, list[Any]]] = {}
     kept: list[Any] = []
     for detail in details:
@@ -401,6 +401,6 @@ def _split_union_path(
         if source.has_value((*value_path, part)):
             value_path = (*value_path, part)
         elif isinstance(part, str):
-            # A part that the source does not have is the name of an alternative.
+            # A part not in the source is the name of an alternative.
             return value_path, part
     return None
