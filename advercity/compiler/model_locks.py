@@ -103,9 +103,7 @@ def find_locked_model(
 def find_inherited_model(
     source: ResolvedDeclaration, name: str, blueprint: Blueprint, read: ReadLock = read_lock
 ) -> str | None:
-    """Find the checksum in the lock of a catalogue, or of the catalogue with the model's
-    declaration.
-    """
+    """Find the checksum in the lock of a catalogue, or of the catalogue with the model."""
     own, declaring = source.document, source.find_document(("blueprints", name, "model"))
     paths = dict.fromkeys((own.path, declaring.path))
     found = (find_locked_model(path, name, blueprint, read) for path in paths)
