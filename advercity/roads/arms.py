@@ -70,11 +70,11 @@ class JunctionArm:
         return self.street.strips_in_direction(along=self.is_street_end == leftwards)
 
     def inbound_strips(self) -> tuple[StripLayout, ...]:
-        """List strips that are travelled towards the junction, from the axis outwards."""
+        """List strips for travel towards the junction, from the axis outwards."""
         return self.street.strips_in_direction(along=self.is_street_end)
 
     def outbound_strips(self) -> tuple[StripLayout, ...]:
-        """List strips that are travelled away from the junction, from the axis outwards."""
+        """List strips for travel away from the junction, from the axis outwards."""
         return self.street.strips_in_direction(along=not self.is_street_end)
 
     def roadway_edge_offset(self, *, leftwards: bool) -> float:
@@ -160,8 +160,8 @@ def list_movements(declared: Junction, arms: Sequence[JunctionArm]) -> list[Move
 def _list_all_movements(arms: Sequence[JunctionArm]) -> Iterator[Movement]:
     """List movements from every street into every other one.
 
-    Left turns leave from the innermost lane and right turns from the outermost one; lanes that go
-    straight on keep their number as far as the other street has so many.
+    Left turns leave from the innermost lane and right turns from the outermost one; lanes straight
+    ahead keep their number as far as the other street has so many.
     """
     for source in arms:
         count = _count_lanes(source.inbound_strips())

@@ -1,4 +1,4 @@
-"""How fast vehicles drive in bends: by lateral acceleration, and by how fast that changes."""
+"""Speed of vehicles in bends, limited by lateral acceleration and its change."""
 
 from math import cbrt, inf
 
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 LATERAL_ACCELERATION_M_S2 = 3.5
 """Brisk but comfortable; the original's planner allowed 5."""
 LATERAL_JERK_M_S3 = 5.5
-"""Along the lane; a vehicle, whose motion is smooth, has four fifths of that, and 5 at most."""
+"""Along the lane; the smooth motion of a vehicle has four fifths of it, at most 5."""
 CURVATURE_CHANGE_M = 9.0
-"""Length over which the change of curvature counts: some of what vehicles drive in a second."""
+"""Length over which the change of curvature counts: a part of the distance driven in a second."""
 BEND_STEP_M = 1.0
 """Distance of the points of a path."""
 CURVATURE_CHORD_M = 4.0
-"""Distance of the three points that curvature is taken from: corners of polylines vanish."""
+"""Distance of the three points for a curvature: corners of polylines vanish."""
 SMOOTHING_WINDOW_M = 6.0
 """Half width of the window in which drivers keep to the lowest speed."""
 MAX_BEND_SPEED_M_S = 50.0

@@ -8,7 +8,7 @@ WALKER_SPACING_M = 1.0
 
 
 def describe_excess(vehicles: int, walkers: int, *, lane_m: float, sidewalk_m: float) -> str:
-    """Describe the road users that do not fit on a road; empty if all do.
+    """Describe the road users without room on a road; empty if all fit.
 
     Args:
         vehicles: Vehicles of the background traffic.

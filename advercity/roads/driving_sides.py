@@ -1,4 +1,4 @@
-"""The side on which traffic drives in a town, by its map or by the country that it is in."""
+"""The driving side of a town, by its map or by its country."""
 
 from collections.abc import Mapping
 
@@ -34,12 +34,12 @@ LEFT_HAND_REGIONS: Mapping[str, tuple[Box, ...]] = {
     "Kenya or Tanzania": ((-11.5, 34.0, 3.4, 40.9),),
     "Jamaica": ((17.6, -78.5, 18.6, -76.1),),
 }
-"""Where traffic drives on the left. Boxes lie within their countries' borders, or those of others
-that drive on the left, so places near a border with the other side may be in none."""
+"""Regions with traffic on the left. Boxes lie within the borders of their countries, or of
+neighbours that also drive on the left. Places near a border with the other side may be in none."""
 
 
 def find_left_hand_region(latitude_deg: float, longitude_deg: float) -> str | None:
-    """Find the name of the region with left-hand traffic that a place is in; None elsewhere."""
+    """Find the name of a place's region with left-hand traffic; None elsewhere."""
     for name, boxes in LEFT_HAND_REGIONS.items():
         for south, west, north, east in boxes:
             if south <= latitude_deg <= north and west <= longitude_deg <= east:
@@ -48,7 +48,7 @@ def find_left_hand_region(latitude_deg: float, longitude_deg: float) -> str | No
 
 
 def assume_driving_side(place_deg: tuple[float, float] | None, ledger: Ledger) -> DrivingSide:
-    """Assume the side of a map that does not say it, by its latitude and longitude.
+    """Assume the side of a map without one, by its latitude and longitude.
 
     The left is recorded, since it is the exception.
     """

@@ -33,10 +33,10 @@ class Projection:
     """A transverse Mercator projection of WGS84.
 
     Attributes:
-        latitude_deg: Latitude at which northings begin.
+        latitude_deg: Latitude of northing 0, without the false northing.
         longitude_deg: Central meridian.
         scale: Scale on it.
-        false_m: Easting and northing that are added.
+        false_m: Added easting and northing.
     """
 
     latitude_deg: float
@@ -136,14 +136,14 @@ def locate_origin(
     altitude_m: float = 0.0,
     turn_deg: float = 0.0,
 ) -> MapPlace | None:
-    """Locate the world's origin by the projection that a map declares.
+    """Locate the world's origin by a map's projection.
 
     Args:
         projection: Projection, or its PROJ string or EPSG code.
         east_m: Easting of the origin in the projection.
         north_m: Northing of the origin.
-        altitude_m: Height that the map gives its origin.
-        turn_deg: Angle by which the map is turned counter-clockwise in the projection.
+        altitude_m: Height of the map's origin.
+        turn_deg: Counter-clockwise rotation of the map in the projection.
 
     Returns:
         The place; None if the projection is another one or none, or the place is not on the globe.
@@ -161,7 +161,7 @@ def locate_origin(
         )
     except (ValueError, OverflowError):
         return None
-    # Editors that know no place write a projection around latitude and longitude 0.
+    # Editors without a place write a projection around latitude and longitude 0.
     is_nowhere = max(abs(place.latitude_deg), abs(place.longitude_deg)) < NOWHERE_DEG
     return None if is_nowhere else place
 

@@ -1,4 +1,4 @@
-"""Which pedestrian crossings an imported map has: those of netconvert's guesses that it marks."""
+"""Pedestrian crossings of an imported map: netconvert's guesses, if the map has marks for them."""
 
 from collections.abc import Iterator, Sequence
 from copy import copy
@@ -17,16 +17,16 @@ Marks = Sequence[tuple[float, float]]
 
 
 def get_guess_options(road: Road, marked: Marks) -> dict[str, str]:
-    """Return the option that lets netconvert guess crossings.
+    """Return netconvert's option for guessed crossings.
 
-    Where a map has none, junctions of towns get some, those in the country none. Where it has, they
-    confirm what is guessed, since netconvert does not take them over.
+    If a map has no crossings, junctions of towns get some, junctions in the country none. Marks of
+    a map confirm guesses, since netconvert does not take them over.
     """
     return {"crossings.guess": str(road.land_use == "urban" or len(marked) > 0).lower()}
 
 
 def discard_unmarked(marked: Marks, converted: Element) -> Conversion | None:
-    """Build the conversion that removes the crossings of a network that no mark is nearest to."""
+    """Build the conversion that removes the unconfirmed crossings of a network."""
     network = parse_network(converted)
     confirmed = _find_confirmed(network, marked)
     root = Element("connections")
@@ -35,19 +35,19 @@ def discard_unmarked(marked: Marks, converted: Element) -> Conversion | None:
             _add_crossing(root, edge).set("discard", "true")
     if not len(root):
         return None
-    # Of edges for pedestrians alone, only those that are to stay have been converted.
+    # Of edges for pedestrians alone, only the ones to keep have been converted.
     options = {"keep-edges.by-vclass": WALKED_CLASSES, "connection-files": "crossings.con.xml"}
     documents = {"map.xml": converted, "crossings.con.xml": root}
     return Conversion(documents, NETWORK_OPTIONS | options)
 
 
 def declare_marked(marked: Marks, converted: Element, plain: Conversion) -> Conversion:
-    """Build the conversion of plain XML that has the guessed crossings that marks are nearest to.
+    """Build the conversion of plain XML with the guessed crossings confirmed by marks.
 
     Args:
         marked: Middles of the crossings of the map.
         converted: The network with guessed crossings.
-        plain: The conversion that makes it.
+        plain: The conversion of the network.
     """
     network = parse_network(converted)
     confirmed = _find_confirmed(network, marked)

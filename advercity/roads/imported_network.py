@@ -1,4 +1,4 @@
-"""An imported SUMO network by what its edges are for."""
+"""An imported SUMO network by the use of its edges."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,18 +15,18 @@ from advercity.roads.network_file import (
 )
 
 MAX_BORDER_GAP_M = 0.8
-"""Between the left borders of opposite directions that share one line; a median is wider."""
+"""Between the left borders of opposite directions on one line; a median is wider."""
 
 
 @dataclass(frozen=True, eq=False)
 class ImportedNetwork:
-    """Edges, junctions and connections that have an extent in the world.
+    """Edges, junctions and connections with an extent in the world.
 
     Attributes:
         edges: Edges between junctions by id.
-        internal_edges: Edges inside junctions that vehicles drive on.
+        internal_edges: Edges inside junctions for vehicles.
         crossings: Edges on which pedestrians cross.
-        governed_crossings: Those that lights govern, by the id of the signal.
+        governed_crossings: Crossings with lights, by the id of the signal.
         walking_areas: Edges on which pedestrians walk from sidewalk to crossing.
         junctions: Junctions by id.
         lane_links: Connections from street to street.
@@ -46,7 +46,7 @@ class ImportedNetwork:
 
     @classmethod
     def from_network(cls, network: SumoNetwork) -> "ImportedNetwork":
-        """Sort the parts of a network, without lanes that are a single point."""
+        """Sort the parts of a network, without lanes of a single point."""
         solid = [_drop_point_lanes(edge) for edge in network.edges]
         groups: dict[str, list[SumoEdge]] = {}
         for edge in solid:
@@ -72,9 +72,9 @@ class ImportedNetwork:
         )
 
     def find_opposite_edge(self, edge: SumoEdge) -> SumoEdge | None:
-        """Find the street that leads back between the same junctions along a common border.
+        """Find the street back between the same junctions, along a common border.
 
-        Opposite to a one-way street, that is the sidewalk at its left, if it has one.
+        For a one-way street, it is the sidewalk at its left, if it has one.
         """
         for other in self._edges_between.get((edge.to_junction, edge.from_junction), ()):
             if (other.driving_lanes or edge.driving_lanes) and _has_common_border(edge, other):

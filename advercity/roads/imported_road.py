@@ -1,4 +1,4 @@
-"""Roads imported from a map, built from the SUMO network that the map was compiled to.
+"""Roads imported from a map, built from its compiled SUMO network.
 
 Maps seldom hold paint, signal heads or signs, so they are derived from lanes and right of way.
 Heads hang over the far side of the junction, from a mast at the right of the road beyond it; signs
@@ -105,7 +105,7 @@ def _stripe(line: Points, width_m: float = markings.LINE_WIDTH_M) -> TriangleSur
 
 
 def _edges_with_stop_line(net: ImportedNetwork) -> Iterator[SumoEdge]:
-    """Yield streets that end at a signal or a stop sign."""
+    """Yield streets with a signal or a stop sign at their end."""
     stopped = {
         link.from_edge for link in net.lane_links if link.traffic_light or link.state in ("s", "w")
     }
@@ -126,13 +126,13 @@ MAST_CLEARANCE_M = 0.8
 """Distance from the edge of the roadway to a mast or sign."""
 MAX_MAST_OFFSET_M = 24.0
 MAX_FAR_SIDE_M = 60.0
-"""Longest junction that is searched for its far side."""
+"""Longest junction searched for its far side."""
 MAST_SEARCH_STEP_M = 0.4
 MAX_MAST_ARM_M = 7.0
 
 
 def place_traffic_lights(net: ImportedNetwork, surface: ImportedSurface) -> Iterator[TrafficLight]:
-    """Place a head for every approach that a light governs."""
+    """Place a head for every approach with a light."""
     governed = {
         (link.traffic_light, link.from_edge) for link in net.lane_links if link.traffic_light
     }
@@ -182,7 +182,7 @@ def _edge_end(edge: SumoEdge) -> tuple[Points, Points]:
 def _find_far_side(
     end: Points, heading: Points, edge: SumoEdge, surface: ImportedSurface
 ) -> Points:
-    """Find the point (2,) where a vehicle that goes straight on leaves the junction."""
+    """Find the point (2,) where a vehicle straight ahead leaves the junction."""
     area = surface.junction_areas.get(edge.to_junction)
     ahead = shapely.LineString([end, end + MAX_FAR_SIDE_M * heading])
     if area is None or not ahead.intersects(area):
@@ -218,7 +218,7 @@ def place_traffic_signs(net: ImportedNetwork, surface: ImportedSurface) -> Itera
     states: dict[str, set[str]] = {}
     for link in net.lane_links:
         states.setdefault(link.from_edge, set()).add(link.state)
-    # SUMO's states: `s` and `w` are stop (all-way stop), `m` a minor link that yields.
+    # SUMO's states: `s` and `w` are stop (all-way stop), `m` a minor link, which yields.
     for name, found in states.items():
         edge = net.edges[name]
         kind = "stop" if found <= {"s", "w"} else "yield" if found == {"m"} else None
@@ -307,7 +307,7 @@ class ImportedRoadNetwork:
 
     @property
     def traffic_signs(self) -> tuple[TrafficSign, ...]:
-        """Signs of all approaches that stop or yield."""
+        """Signs of all approaches with a duty to stop or yield."""
         return tuple(place_traffic_signs(self._net, self._surface))
 
 

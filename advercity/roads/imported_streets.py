@@ -21,7 +21,7 @@ from advercity.roads.streets import StreetLayout, StripLayout, approach_name, pa
 from advercity.roads.sumo_xml import pack_network, unpack_network
 
 HEADING_SPAN_M = 2.0
-"""Length of the chord that a heading of an axis is taken from."""
+"""Length of the chord from which a heading of an axis is computed."""
 STRIP_KINDS = {
     "driving": StripKind.LANE,
     "parking": StripKind.PARKING,
@@ -32,13 +32,13 @@ STRIP_KINDS = {
 
 @dataclass(frozen=True, eq=False)
 class ImportedStreets:
-    """What routes through an imported network need to know of it.
+    """Facts about an imported network for routes through it.
 
     Attributes:
         streets: Streets with a driving lane, by id.
         movements: Links between driving lanes, by junction, without turning around.
         controls: Rule of right of way by junction, in the words of declared junctions.
-        signals: Program and link of each movement that lights govern, by both of its streets.
+        signals: Program and link of each movement with lights, by both of its streets.
     """
 
     streets: Mapping[str, StreetLayout]
@@ -86,7 +86,7 @@ def read_imported_streets(packed: str) -> ImportedStreets:
 
 
 def start_with_green(imported: MapNetwork, first: str, second: str) -> MapNetwork:
-    """Shift the lights of a movement between two streets so that its green begins at the start."""
+    """Shift the lights of a movement between two streets to begin with its green."""
     governed = read_imported_streets(imported.network).signals.get((first, second))
     if governed is None:
         return imported
@@ -114,7 +114,7 @@ def _find_controls(net: ImportedNetwork) -> dict[str, str]:
 
 
 def build_imported_streets(network: ImportedNetwork) -> dict[str, StreetLayout]:
-    """Build the streets of a network; edges that no car may use, or without a name, have none."""
+    """Build the streets of a network, without edges closed to cars or without a name."""
     directions: dict[str, dict[bool, SumoEdge]] = {}
     for edge in network.edges.values():
         try:

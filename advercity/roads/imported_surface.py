@@ -1,8 +1,8 @@
 """Roadways, sidewalks and kerbs of an imported network.
 
 Lanes are ribbons at their own height. Junctions and gaps between lanes are areas whose height is
-interpolated from the lanes around: the lanes inside them, what the map has next to these, and the
-corners that a kerb's radius adds. Sidewalks are a kerb higher.
+interpolated from the lanes around: the lanes inside them, the map's areas next to these, and the
+corners added by a kerb's radius. Sidewalks are a kerb higher.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -43,11 +43,11 @@ from advercity.roads.road_meshes import (
 Corners = Literal["mitre", "round"]
 """How buffers meet: with round corners, a radius is left where gaps are closed."""
 LANE_OVERLAP_M = 0.01
-"""Overlap of neighbouring lanes, so that no crack opens between them."""
+"""Overlap of neighbouring lanes, against cracks between them."""
 HALF_GAP_M = 0.4
-"""Half the width of the widest gap between lanes that is paved."""
+"""Half the width of the widest paved gap between lanes."""
 HALF_SLIVER_M = 0.25
-"""Half the width of the narrowest strip that can be a sidewalk."""
+"""Half the width of the narrowest possible sidewalk."""
 KERB_RADIUS_M = 4.0
 """Radius of kerbs where streets meet."""
 ZONE_MARGIN_M = 2.0
@@ -58,7 +58,7 @@ EDGE_STEP_M = 4.0
 """Largest distance between points of paved edges, which take the height of the ground."""
 SIMPLIFY_TOLERANCE_M = 0.02
 APPROACH_LENGTH_M = 2.0
-"""Length of a street's end that the height of its junction is interpolated from."""
+"""Length of a street's end from which the height of its junction is interpolated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class ImportedSurface:
 
     @cached_property
     def _driven_area(self) -> BaseGeometry:
-        """Area of all lanes that vehicles drive on, and of what is next to them in junctions."""
+        """Area of all driven lanes, and of the outlines next to them in junctions."""
         paths = [lane.build_area() for lane in self._paths if lane.kind != "sidewalk"]
         parts = [self._carriageways, *paths, *self._select_outlines("roadway")]
         return shapely.union_all(parts, grid_size=GRID_M)
@@ -144,7 +144,7 @@ class ImportedSurface:
 
     @cached_property
     def junction_areas(self) -> dict[str, BaseGeometry]:
-        """Area of each junction's asphalt that no street covers, by id."""
+        """Area of each junction's asphalt without streets, by id."""
         free = _drop_lines(
             shapely.difference(self.roadway_area, self._carriageways, grid_size=GRID_M)
         )
@@ -171,7 +171,7 @@ class ImportedSurface:
         return _close_gaps(raised, -HALF_SLIVER_M)
 
     def _walked_zones(self) -> Iterator[BaseGeometry]:
-        """Yield the areas of the junctions that a sidewalk leads to."""
+        """Yield the areas of the junctions with a sidewalk at them."""
         for name, zone in self._junction_zones.items():
             streets = self._edges_by_junction.get(name, ())
             if any(lane.kind == "sidewalk" for edge, _ in streets for lane in edge.lanes):
@@ -198,7 +198,7 @@ class ImportedSurface:
         return rings
 
     def height_at(self, points: Points) -> NDArray[np.float64]:
-        """Compute heights (n,) at points (n, 2): those of the nearest lane border."""
+        """Compute heights (n,) at points (n, 2), from the nearest lane border."""
         lines, tree = self._height_lines
         if not len(lines):
             return np.zeros(len(points))
@@ -257,7 +257,7 @@ class ImportedSurface:
         }
 
     def drape(self, areas: Sequence[shapely.Polygon], z_m: Sequence[float]) -> TriangleSurface:
-        """Lay convex areas on the asphalt that is at about their heights."""
+        """Lay convex areas on the asphalt nearest to their heights."""
         asphalt = join_surfaces(self._asphalt)
         return DrapeBase(asphalt.vertices[asphalt.triangles]).drape(areas, z_m)
 
@@ -331,7 +331,7 @@ def _grow(area: BaseGeometry, by_m: float, corners: Corners = "mitre") -> BaseGe
 
 
 def _close_gaps(area: BaseGeometry, half_m: float, corners: Corners = "mitre") -> BaseGeometry:
-    """Close gaps narrower than twice `half_m`; where that is negative, remove such parts."""
+    """Close gaps narrower than twice `half_m`; if it is negative, remove such parts."""
     return _grow(_grow(area, half_m, corners), -half_m, corners)
 
 

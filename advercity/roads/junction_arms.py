@@ -1,8 +1,8 @@
-"""Place agents by the arms of a junction: where vehicles come from and go, and where units are.
+"""Place agents by the arms of a junction: origins and destinations of vehicles, and units.
 
 Directions are radians counter-clockwise from east; the direction of an arm leads away from the
-junction. Directions, turns and places are those of the world, also of left-hand roads, whose
-planner is in the plan frame.
+junction. Directions, turns and places are in the world, also for left-hand roads, whose planner is
+in the plan frame.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,22 +26,22 @@ from advercity.roads.routes import RoutePath, RoutePlanner
 
 COMPASS_RAD = {"east": 0.0, "north": np.pi / 2, "west": np.pi, "south": -np.pi / 2}
 RELATIVE_RAD = {"same": 0.0, "right": np.pi / 2, "opposite": np.pi, "left": -np.pi / 2}
-"""Direction of an arm less that of the ego's."""
+"""Direction of an arm less the direction of the ego's."""
 ARM_TOLERANCE_RAD = np.pi / 3
 STRAIGHT_TURN_RAD = 0.6
-"""A movement that turns by less goes straight on."""
+"""A movement with a smaller turn goes straight on."""
 MAX_TURN_RAD = 2.8
-"""A movement that turns by more turns around."""
+"""A movement with a larger turn turns around."""
 TURNS: tuple[Manoeuvre, ...] = ("straight", "left", "right")
 END_MARGIN_M = 5.0
-"""Distance that starts and destinations keep from the ends of a path."""
+"""Distance of starts and destinations from the ends of a path."""
 UNIT_CLEARANCE_M = 1.2
 """Distance of a roadside unit from the paving."""
 UNIT_STEP_M, MAX_UNIT_OFFSET_M = 0.5, 20.0
 
 
 def find_turn(angle_rad: float) -> Manoeuvre | None:
-    """Name the manoeuvre that turns by an angle, positive to the left; None for turning around."""
+    """Name the manoeuvre of a turn by an angle, positive to the left; None for turning around."""
     if abs(angle_rad) < STRAIGHT_TURN_RAD:
         return "straight"
     return None if abs(angle_rad) > MAX_TURN_RAD else "left" if angle_rad > 0 else "right"
@@ -80,7 +80,7 @@ class JunctionArms:
         }
 
     def describe(self) -> str:
-        """List the arms with the directions that they lead to."""
+        """List the arms with their directions."""
         return ", ".join(
             f"{name} ({min(COMPASS_RAD, key=lambda word: _gap(COMPASS_RAD[word], direction))})"
             for name, direction in self.directions.items()
@@ -105,7 +105,7 @@ class JunctionArms:
         return -angle_rad if self.is_left_hand else angle_rad
 
     def find_arm(self, word: str, ego_arm: str | None = None) -> str:
-        """Find the arm, with traffic towards the junction, that a word names.
+        """Find the arm, with traffic towards the junction, by a word.
 
         Args:
             word: A compass direction, a direction relative to the ego's arm, or a street.
@@ -159,7 +159,7 @@ class JunctionArms:
 
 
 def find_junctions(planner: RoutePlanner, wanted: str | Sequence[str]) -> tuple[str, ...]:
-    """Find the junctions of three arms or more that a word or a list selects.
+    """Find the junctions of three arms or more selected by a word or a list.
 
     Raises:
         InputError: There is none, or a name is unknown.
@@ -245,7 +245,7 @@ def _extend_route(
     """Extend a movement backwards and onwards, straight on, until start and destination fit.
 
     Returns:
-        The streets, and the index of that before the junction.
+        The streets, and the index of the one before the junction.
     """
     route: tuple[str, ...] = (movement.from_street, movement.to_street)
     index = 0
@@ -315,12 +315,13 @@ def _gap(first: float, second: float) -> float:
 
 
 def place_at_every_arm(road: Road, declared: JunctionAgents, junction: str) -> list[Road]:
-    """Place the agents of a road at a junction, with the ego on each arm that it may come from.
+    """Place the agents of a road at a junction, with the ego on each possible arm.
 
-    An ego without `arm` may come from all at which the others find their places, the busiest first.
+    An ego without `arm` may come from all arms at which the others find their places, the busiest
+    first.
 
     Raises:
-        MisplacedPartError: It can come from none.
+        MisplacedPartError: No arm is possible.
     """
     name, ego = next(pair for pair in declared.agents.items() if _is_ego(pair[1]))
     arms = [ego.arm] if ego.arm else JunctionArms.of_road(road, junction).rank_arms()

@@ -70,7 +70,7 @@ class LaneGraph:
 
     @cached_property
     def entry_lanes(self) -> tuple[SumoLane, ...]:
-        """Driving lanes that begin at the edge of the site."""
+        """Driving lanes from the edge of the site."""
         entered = {link.to_edge for link in self.driving_connections}
         return tuple(lane for lane in self.driving_lanes if lane.edge not in entered)
 
@@ -101,21 +101,21 @@ class LaneGraph:
         return min(links, key=lambda link: link.origin != lane.id)
 
     def iterate_internal_lanes(self, connection: LaneConnection) -> Iterator[SumoLane]:
-        """Yield the lanes inside the junction that a connection leads through."""
+        """Yield the lanes of a connection inside the junction."""
         step = connection
         while step.via is not None:
             yield self.lanes[step.via]
             step = next(other for other in self.connections if other.origin == step.via)
 
     def find_successor_edges(self, edge: str, *, straight_first: bool = False) -> tuple[str, ...]:
-        """List edges that lanes of an edge lead into, in file order or straight ones first."""
+        """List the edges after an edge, in file order or straight ones first."""
         links = self._links_by_edge.get(edge, [])
         if straight_first:
             links = sorted(links, key=lambda link: link.direction != "s")
         return tuple(dict.fromkeys(link.to_edge for link in links))
 
     def find_successor_lanes(self, lane: SumoLane) -> tuple[SumoLane, ...]:
-        """List lanes to continue in, one per edge; those of neighbours where this lane ends."""
+        """List lanes to continue in, one per edge; the neighbours' where this lane ends."""
         links = self._links_by_edge.get(lane.edge, [])
         own = [link for link in links if link.origin == lane.id] or links
         # The first connection into an edge counts, but edges come in the order of their last:
@@ -123,7 +123,7 @@ class LaneGraph:
         return tuple({link.to_edge: self.lanes[link.target] for link in reversed(own)}.values())
 
     def find_adjacent_sidewalks(self, *, use_crossings: bool) -> Mapping[str, tuple[str, ...]]:
-        """Find the edges with a sidewalk that each sidewalk leads to, with or without crossings."""
+        """Find the next edges with a sidewalk of each sidewalk, with or without crossings."""
         footways = [link for link in self.connections if self._is_footway_connection(link)]
         # SUMO lists a footway once, but pedestrians walk in both directions.
         back = [replace(link, origin=link.target, target=link.origin) for link in footways]
@@ -201,9 +201,9 @@ def _group(
 MAX_DESTINATION_GAP_M = 10.0
 """Largest distance between the end of a route and the destination."""
 DESTINATION_TIE_M = 0.5
-"""Lanes that end up so much further from the destination than the nearest compete in length."""
+"""Lanes ending up to this much further from the destination than the nearest compete in length."""
 MAX_ROUTE_EDGES = 100
-"""Bound on a route that goes on in circles."""
+"""Bound on a route in circles."""
 
 
 def find_shortest_route(
@@ -229,10 +229,9 @@ def find_shortest_route(
 
 
 def _compute_routes_from(graph: LaneGraph, start: str) -> dict[str, tuple[float, tuple[str, ...]]]:
-    """Compute, for every edge that can be reached, the length to its start and the edges to it.
+    """Compute, for every reachable edge, the length to its start and the edges to it.
 
-    It is Dijkstra's algorithm; equal lengths are ordered by the ids, so results are the same
-    everywhere.
+    Dijkstra's algorithm; ids order equal lengths, so results are the same everywhere.
     """
     lengths = {lane.edge: lane.length_m for lane in graph.driving_lanes}
     found: dict[str, tuple[float, tuple[str, ...]]] = {}
@@ -263,7 +262,7 @@ def _find_arrivals(
 
 
 def extend_route(graph: LaneGraph, edges: tuple[str, ...]) -> tuple[str, ...]:
-    """Extend a route to the edge of the site, straight on wherever that is possible."""
+    """Extend a route to the edge of the site, straight on where possible."""
     while len(edges) < MAX_ROUTE_EDGES and (
         onward := graph.find_successor_edges(edges[-1], straight_first=True)
     ):

@@ -1,4 +1,4 @@
-"""Who may use a lane of a map, and the type that SUMO's network keeps of it."""
+"""Permitted users of a map's lanes, and the lanes' types in SUMO's network."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,12 @@ CYCLING_SPEED_M_S = 5.56
 
 @dataclass(frozen=True)
 class LaneUse:
-    """Who may use a lane, how fast where the map has no limit, and the type that SUMO keeps.
+    """Permitted users of a lane, its speed if the map has no limit, and its type for SUMO.
 
     Attributes:
         permission: SUMO's attribute and vehicle classes.
-        speed_m_s: Limit where the map has none.
-        paving: Type of the lane in the network, which decides what it is made of.
+        speed_m_s: Limit if the map has none.
+        paving: Type of the lane in the network, which decides its material.
     """
 
     permission: tuple[str, str]

@@ -61,7 +61,7 @@ class CrossingLayout:
     """A zebra crossing over an arm.
 
     Attributes:
-        street: Id of the street that is crossed.
+        street: Id of the crossed street.
         centre: (2, 3) from kerb to kerb.
         width_m: Width across `centre`.
     """
@@ -78,12 +78,12 @@ class JunctionLayout:
     Attributes:
         id: Declared id.
         declared: The declaration.
-        arms: Ends of the streets that meet, counter-clockwise.
+        arms: Ends of its streets, counter-clockwise.
         roadway_outline: (n, 3) edge of its roadway, counter-clockwise, open.
         corners: One per arm, from it to the next.
         connecting_paths: One per declared movement.
         crossings: Zebra crossings.
-        median: (4, 3) the piece of median that runs through it, or None.
+        median: (4, 3) the piece of median through it, or None.
     """
 
     id: str

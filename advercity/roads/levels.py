@@ -1,4 +1,4 @@
-"""Splits an imported network into levels, so that streets that lead over others are paved apart."""
+"""Split an imported network into levels: streets over others are paved apart."""
 
 from dataclasses import replace
 
@@ -9,13 +9,13 @@ from advercity.roads.network_file import SumoEdge, SumoLane
 from advercity.roads.overpasses import LaneBands, find_overpasses
 
 MAX_LEVELS = 8
-"""Streets that lead over themselves would have no end of levels."""
+"""Bound on levels: streets over themselves would have no end of them."""
 STUB_M = 15.0
-"""Length of a street that its junction on another level is paved with, for corners and kerbs."""
+"""Length of a street paved with its junction on another level, for corners and kerbs."""
 
 
 def split_levels(net: ImportedNetwork) -> list[ImportedNetwork]:
-    """Split a network into levels from the ground up; one that has no overpass stays whole."""
+    """Split a network into levels from the ground up; without an overpass it stays whole."""
     inner = {edge.id: edge for edge in net.internal_edges}
     lanes = [lane for edge in (net.edges | inner).values() for lane in edge.lanes]
     found = find_overpasses(
@@ -35,7 +35,7 @@ def _list_levels(levels: dict[str, int]) -> range:
 
 
 def _count_levels(pairs: set[tuple[str, str]]) -> dict[str, int]:
-    """Count the levels below each edge that leads over another."""
+    """Count the levels below each edge over another."""
     levels: dict[str, int] = {}
     for _ in range(MAX_LEVELS):
         for over, under in sorted(pairs):
@@ -45,7 +45,7 @@ def _count_levels(pairs: set[tuple[str, str]]) -> dict[str, int]:
 
 
 def _find_junction_levels(net: ImportedNetwork, levels: dict[str, int]) -> dict[str, int]:
-    """Find the level of each junction: the lowest of its streets, or that of a path in it."""
+    """Find the level of each junction: the lowest of its streets, or its path's."""
     found: dict[str, list[int]] = {}
     for edge in net.edges.values():
         for junction in (edge.from_junction, edge.to_junction):

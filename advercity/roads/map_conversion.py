@@ -31,7 +31,7 @@ CAUSES = {
         " of the map with streets"
     )
 }
-"""Errors by the begin of netconvert's own, where that does not say what to do."""
+"""Errors by the begin of netconvert's own, if its text does not say what to do."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Files of maps, checked so that other programs can read them safely."""
+"""Files of maps, checked for safe use by other programs."""
 
 import hashlib
 from collections.abc import Mapping
@@ -60,13 +60,13 @@ def read_map_file(declared: MapFile, folder: Path) -> LoadedMap:
         hint = f"; say `source: {source}`" if source else ""
         raise InputError(f"{declared.file}: {_describe_mismatch(root, declared)}{hint}")
     if declared.source == "osm":
-        # Our own readers of the other formats open nothing that a map names.
+        # Our own readers of the other formats open no files named by a map.
         _remove_file_references(root)
     return LoadedMap(root, digest)
 
 
 def is_lanelet2_file(path: Path) -> bool:
-    """Whether a file is a Lanelet2 map; one that cannot be read is none."""
+    """Whether a file is a Lanelet2 map; an unreadable file is none."""
     try:
         with path.open("rb") as stream:
             return find_source(parse_xml(stream.read(MAX_XML_BYTES + 1))) == "lanelet2"

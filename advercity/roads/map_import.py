@@ -63,7 +63,7 @@ def import_map(declared: MapFile, road: Road, folder: Path) -> MapNetwork:
 
 
 def _build_network(plan: MapPlan, ledger: Ledger) -> Element:
-    """Convert a map as planned, with the names that it has for its streets."""
+    """Convert a map as planned, with its names for the streets."""
     converted = convert(plan.conversion)
     _check_lanes(_parse_converted(converted))
     second = plan.confirm(plan.crossings, converted) if plan.crossings and plan.confirm else None
@@ -83,7 +83,7 @@ def _build_network(plan: MapPlan, ledger: Ledger) -> Element:
 
 
 def _parse_converted(net: Element) -> SumoNetwork:
-    """Parse what netconvert has written: it also writes numbers of a map that are none."""
+    """Parse the output of netconvert, which copies malformed numbers of a map."""
     try:
         return parse_network(net)
     except ValueError as error:
@@ -91,8 +91,8 @@ def _parse_converted(net: Element) -> SumoNetwork:
 
 
 def _check_lanes(network: SumoNetwork) -> None:
-    """Check that a network has room for a car, and is no larger than a site may be."""
-    # A world of a shorter lane would have none: points of its line that are so close are left out.
+    """Check that a network has room for a car, and fits on a site."""
+    # A world of a shorter lane would have none: such close points of its line are left out.
     if not any(lane.is_driving_lane and len(lane.centre) > 1 for lane in network.lanes):
         raise InputError("has no lane for cars")
     for lane in network.lanes:

@@ -1,10 +1,10 @@
 """Names for the streets and junctions of an imported network, as authored roads have them.
 
-The two directions of a street become `<street>+` and `<street>-`. Streets take the name that the
-map has for them, else the id of their road or way, and are numbered where several pieces share it.
-`7th Avenue` and `North` become `street_7th_avenue` and `street_north`: ids begin with a letter, and
-`north` is an arm of a junction. Junctions are `j` and their id in the map, or that of one of their
-nodes. So a name leads back to the place in the map.
+The two directions of a street become `<street>+` and `<street>-`. Streets take their name in the
+map, else the id of their road or way, and are numbered if several pieces share it. `7th Avenue` and
+`North` become `street_7th_avenue` and `street_north`: ids begin with a letter, and `north` is an
+arm of a junction. Junctions are `j` and their id in the map, or the id of one of their nodes. So a
+name leads back to the place in the map.
 """
 
 import re
@@ -24,13 +24,13 @@ from advercity.roads.streets import parse_edge_id, sumo_edge_id
 MAX_NAME_LENGTH = 40
 """Names of streets and junctions are parts of ids of scenarios, which are limited."""
 JOINED_NAME = re.compile(r"cluster_([^_]+)_")
-"""netconvert's name of a junction that it has joined from several nodes of the map."""
+"""netconvert's name of a junction joined from several nodes of the map."""
 ARM_WORDS = frozenset(COMPASS_RAD) | frozenset(RELATIVE_RAD)
 """Words for arms of a junction, where a declaration may also name a street."""
 
 
 def read_street_names(root: Element) -> dict[str, str]:
-    """Read the names that netconvert has copied from the map, by edge."""
+    """Read the names copied from the map by netconvert, by edge."""
     # netconvert writes `&apos;` as text.
     return {item.attrib["id"]: unescape(item.get("name", "")) for item in root.iter("edge")}
 
@@ -84,9 +84,9 @@ def _name_edges(network: ImportedNetwork, names: Mapping[str, str]) -> dict[str,
 
 
 def _is_named_by_streets(network: ImportedNetwork) -> bool:
-    """Return whether all edges are directions of streets, as in a network that we have written.
+    """Return whether all edges are directions of streets, as in our own networks.
 
-    The look of a single name tells nothing: networks of others also have lower-case ids.
+    A single name tells nothing: foreign networks also have lower-case ids.
     """
     for edge in network.edges.values():
         try:
@@ -132,7 +132,7 @@ def _name_street(name: str) -> str:
 
 
 def _number_names(wanted: Mapping[str, str]) -> dict[str, str]:
-    """Number names that several things share: `main_street_1`, `main_street_2`."""
+    """Number shared names: `main_street_1`, `main_street_2`."""
     shared = {name for name, count in Counter(wanted.values()).items() if count > 1}
     taken = set(wanted.values()) - shared
     found: dict[str, str] = {}
@@ -188,5 +188,5 @@ class _Renamer:
         return f"{self._edge(edge)}_{index}"
 
     def _junction(self, text: str) -> str:
-        # Internal junctions are named by the lane that ends at them.
+        # Internal junctions are named by the lane at whose end they are.
         return self._lane(text) if text.startswith(":") else self._junctions.get(text, text)

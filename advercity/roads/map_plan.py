@@ -1,4 +1,4 @@
-"""Plans of maps: all that an import needs of a format, in metres, with traffic on the right."""
+"""Plans of maps: all facts of a format for an import, in metres, with traffic on the right."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ MAX_MAP_DISTANCE_M = 20_000.0
 
 
 LaneLink = tuple[str, int, str, int]
-"""Edge and index of the lane that a path leaves, then of the one that it enters."""
+"""Edge and index of the lane a path leaves, then of the lane it enters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,14 +70,14 @@ class MapPlan:
         conversion: Documents and options for netconvert.
         driving_side: Side on which traffic drives in the world.
         origin_m: The map's own coordinates, east and north, of the plan's origin.
-        place: Where the plan's origin is on the globe, if the map says it.
-        crossings: Middles of the pedestrian crossings that the map marks.
+        place: Place of the plan's origin on the globe, if the map has it.
+        crossings: Middles of the map's pedestrian crossings.
         confirm: Builds the second conversion, which leaves only these in the network of the first.
         names: Names of streets by edge; None if netconvert copies them.
         lanes: Lines of lanes by SUMO's id, where netconvert would simplify them.
         paths: Lines of ways through junctions.
         outlines: Kind and ring (n, 3) of paving inside junctions.
-        stripes: Mark and line (n, 3) of all painted lines; none where the map does not have them.
+        stripes: Mark and line (n, 3) of all painted lines; none if the map has none.
     """
 
     conversion: Conversion
@@ -93,9 +93,9 @@ class MapPlan:
     stripes: Sequence[tuple[RoadMark, Points]] = ()
 
     def complete(self, net: Element) -> None:
-        """Add to a converted network, in place, the lines and outlines that netconvert cannot."""
+        """Add the lines and outlines that netconvert lacks to a converted network, in place."""
         elements = {item.attrib["id"]: item for item in net.iter("lane")}
-        # netconvert drops points that are close to each other, and has one width for a lane.
+        # netconvert drops points close to each other, and has one width for a lane.
         for name, lines in self.lanes.items():
             if name in elements:
                 lines.write(elements[name])
@@ -111,7 +111,7 @@ class MapPlan:
 
 
 def _list_internal_chains(net: Element) -> Iterator[tuple[LaneLink, list[str]]]:
-    """List the connections through junctions, with the lanes that they lead over, in a row.
+    """List the connections through junctions, each with the row of its lanes.
 
     netconvert cuts a lane where vehicles wait inside a junction.
     """

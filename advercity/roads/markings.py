@@ -47,13 +47,13 @@ ARROW_FROM_END_M = 4.0
 """Distance from the end of a lane to the middle of its last arrow."""
 ARROW_SPACING_M = 9.4
 ARROW_HALF_LENGTH_M, MAX_ARROWS = 1.5, 3
-"""Half the length of an arrow, and the most that a lane has one behind the other."""
+"""Half the length of an arrow, and the most arrows in a row in a lane."""
 DOT_LENGTH_M, DOT_GAP_M = 0.6, 1.8
 """Dotted lines, which guide through a junction."""
 LONG_PATH_M, MIN_GUIDED_RAD = 16.0, np.radians(50)
-"""Left turns before signals that are longer, and turn by more, are guided."""
+"""Left turns before signals are guided if they are longer and turn by more."""
 MAX_STRAIGHT_RAD = np.radians(30)
-"""Movements that turn by less get a straight arrow."""
+"""Movements with a smaller turn get a straight arrow."""
 
 WHITE, YELLOW = "paint_white", "paint_yellow"
 MARKING_MATERIALS = {
@@ -132,7 +132,7 @@ def _parking_bay_lines(street: StreetLayout, strip: StripLayout) -> Iterator[Tri
 
 
 def _junction_lines(junction: JunctionLayout) -> Iterator[tuple[str, TriangleSurface]]:
-    """Continue solid lines of streets that only change their name or section at a junction."""
+    """Continue solid lines through junctions where only a street's name or section changes."""
     for path in junction.connecting_paths:
         movement = path.movement
         source = junction.find_arm(movement.from_street)
@@ -179,7 +179,7 @@ def build_paint(left: Points, right: Points) -> TriangleSurface:
 
 
 def _stop_lines(junction: JunctionLayout) -> Iterator[TriangleSurface]:
-    """Build bars across arriving lanes that stop, and blocks across lanes that give way."""
+    """Build bars across arriving lanes with a stop, and blocks across lanes that give way."""
     signs = {sign.street: sign.kind for sign in junction.declared.signs}
     for arm in junction.arms:
         kind = signs.get(arm.street.id)
@@ -226,14 +226,14 @@ def _arrows(junction: JunctionLayout) -> Iterator[TriangleSurface]:
 
 
 def _list_lanes_with_arrows(junction: JunctionLayout) -> list[tuple[str, int]]:
-    """List streets and lanes: those declared, and before signals those of several side by side."""
+    """List streets and lanes: the declared ones, and before signals lanes side by side."""
     declared = [text.partition(".") for text in junction.declared.arrows]
     found = {(name, int(number)) for name, _, number in declared}
     return sorted(found | set(_list_lanes_side_by_side(junction)))
 
 
 def _list_lanes_side_by_side(junction: JunctionLayout) -> Iterator[tuple[str, int]]:
-    """List streets and lanes before signals where an arm has several that arrive."""
+    """List streets and lanes before signals on arms with several arriving lanes."""
     for arm in junction.arms if junction.declared.control == "signals" else ():
         lanes = [strip.lane_number for strip in arm.inbound_strips() if strip.lane_number]
         if len(lanes) > 1:

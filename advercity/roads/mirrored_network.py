@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class MirroredRoadNetwork:
-    """A `RoadNetwork` that mirrors another at the x axis."""
+    """A `RoadNetwork`, mirrored at the x axis."""
 
     def __init__(self, road: Road, plan: "RoadNetwork") -> None:
         """Mirror the network `plan` of the plan frame into the world of `road`."""

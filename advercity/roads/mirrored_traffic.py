@@ -9,7 +9,7 @@ from advercity.frames import ActorState, Lamp, Trace
 from advercity.geometry.poses import mirror_pose
 
 _NEGATED = ("y", "yaw", "vy", "ay", "yaw_rate", "roll", "roll_rate", "steering")
-"""Columns of a trace's states that change their sign in a mirror at the x axis."""
+"""Columns of a trace's states whose sign changes in a mirror at the x axis."""
 
 
 def mirror_trace(trace: Trace) -> Trace:

@@ -26,14 +26,14 @@ from advercity.roads.sumo_xml import BORDER_ATTRIBUTES, unpack_network
 MAX_LANE_WIDTH_M = 100.0
 """Wider is no lane."""
 DEFAULT_LANE_WIDTH_M = 3.2
-"""SUMO's own width of a lane that declares none."""
+"""SUMO's own width of a lane without a declared one."""
 MIN_POINT_SPACING_M = 0.01
-"""Points of a centre line that are closer in the plan would give its borders random directions."""
+"""Closer points of a centre line in the plan would give its borders random directions."""
 
 STRIPE_MARKS = frozenset(RoadMark)
-"""Types of polygons that are painted lines; others are paving."""
+"""Types of polygons for painted lines; others are paving."""
 CLOSED_KINDS = {"parking": "parking", "curb": "sidewalk"}
-"""Kinds of lanes that cars may not use, by type; the others are shoulders."""
+"""Kinds of lanes closed to cars, by type; the others are shoulders."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +45,13 @@ class SumoLane:
         edge: Id of its edge.
         index: Position in its edge, counted from the right.
         function: `normal`, `internal`, `crossing` or `walkingarea`.
-        length_m: Length that SUMO counts positions in; it may differ a little from the shape's.
+        length_m: Length for SUMO's positions; it may differ a little from the shape's.
         speed_limit_m_s: Limit of the lane.
         shape: (n, 3) centre line in the direction of travel, metres; outline of a walking area.
         width_m: Distance between its borders.
         type: SUMO's type of lane, if the file has one.
-        allowed_classes: Vehicle classes that may use it; None if all may.
-        disallowed_classes: Vehicle classes that may not.
+        allowed_classes: Allowed vehicle classes; None if all are.
+        disallowed_classes: Forbidden vehicle classes.
         borders: Left and right border, a point (3,) of each beside every point of `shape`, where
             they are not parallel to it; else None.
     """
@@ -110,7 +110,7 @@ class SumoLane:
 
     @cached_property
     def centre(self) -> Points:
-        """(n, 3) centre line without points that repeat the one before in the plan."""
+        """(n, 3) centre line without repeated points in the plan."""
         return self.shape[self._is_own_point]
 
     def compute_border(self, *, on_left: bool, outward_m: float = 0.0) -> Points:
@@ -139,7 +139,7 @@ class SumoLane:
         area = shapely.Polygon(np.vstack([left, right[::-1]])[:, :2])
         if area.is_valid:
             return area
-        # A ring that passes over itself would lose what it encloses twice.
+        # In a ring over itself, areas enclosed twice would be lost.
         quads = np.stack([left[:-1], left[1:], right[1:], right[:-1]], axis=1)[:, :, :2]
         return shapely.union_all([build_enclosed_area(quad) for quad in quads])
 
@@ -155,17 +155,17 @@ class SumoEdge:
     to_junction: str
     lanes: tuple[SumoLane, ...]
     crossed_edges: tuple[str, ...] = ()
-    """Edges that a crossing leads over."""
+    """Edges crossed by a crossing."""
 
     @property
     def junction(self) -> str:
-        """Id of the junction that it lies in; empty for edges between junctions."""
+        """Id of its junction; empty for edges between junctions."""
         # SUMO names edges inside a junction `:<junction>_<number>`.
         return self.id[1:].rpartition("_")[0] if self.id.startswith(":") else ""
 
     @cached_property
     def driving_lanes(self) -> tuple[SumoLane, ...]:
-        """Lanes that are open to cars, from the right."""
+        """Lanes open to cars, from the right."""
         return tuple(lane for lane in self.lanes if lane.kind == "driving")
 
     @property
@@ -204,12 +204,12 @@ class LaneConnection:
     """A connection from one lane into the next.
 
     Attributes:
-        origin: Id of the lane that it leaves.
-        target: Id of the lane that it enters.
-        via: Id of the lane inside the junction that it leads through, if there is one.
+        origin: Id of the lane it leaves.
+        target: Id of the lane it enters.
+        via: Id of its lane inside the junction, if there is one.
         direction: SUMO's letter: `s` straight, `l` left, `r` right, `t` turns around.
         state: SUMO's letter for the right of way.
-        traffic_light: Id of the traffic light that governs it; empty if none does.
+        traffic_light: Id of its traffic light; empty without one.
         link_index: Index into the light's state; -1 without a light.
     """
 
@@ -223,12 +223,12 @@ class LaneConnection:
 
     @property
     def from_edge(self) -> str:
-        """Id of the edge that it leaves."""
+        """Id of the edge it leaves."""
         return self.origin.rpartition("_")[0]
 
     @property
     def to_edge(self) -> str:
-        """Id of the edge that it enters."""
+        """Id of the edge it enters."""
         return self.target.rpartition("_")[0]
 
 
@@ -255,7 +255,8 @@ class SignalProgram:
         """Find the state at a time since the program began."""
         left_s = (time_s - self.offset_s) % sum(duration_s for duration_s, _ in self.phases)
         for duration_s, state in self.phases:
-            # A phase that ends at a tick has ended, whatever the sum of its tenths of seconds.
+            # A phase up to a tick has ended there, at any rounding of the sum of its tenths of
+            # seconds.
             if left_s < duration_s - 1e-6:
                 return state
             left_s = max(left_s - duration_s, 0.0)
@@ -271,7 +272,7 @@ class SignalProgram:
 
 @dataclass(frozen=True, eq=False)
 class SumoNetwork:
-    """Everything of a network, in file order; the order decides what random draws mean."""
+    """All parts of a network, in file order; random draws depend on the order."""
 
     edges: tuple[SumoEdge, ...]
     junctions: tuple[SumoJunction, ...]
@@ -286,7 +287,7 @@ class SumoNetwork:
         return (lane for edge in self.edges for lane in edge.lanes)
 
     def list_crossing_signals(self) -> Iterator[tuple[str, SumoEdge, LaneConnection]]:
-        """List the crossings that lights govern: id of the signal, the crossing, a link onto it."""
+        """List the crossings with lights: id of the signal, the crossing, a link onto it."""
         crossings = {edge.id: edge for edge in self.edges if edge.function == "crossing"}
         for link in self.connections:
             crossing = crossings.get(link.to_edge)
@@ -295,7 +296,7 @@ class SumoNetwork:
 
 
 def read_network(path: Path) -> SumoNetwork:
-    """Read a network that our own netconvert has written; RunError if it is none."""
+    """Read a network written by our own netconvert; RunError if it is none."""
     try:
         return parse_network(ElementTree.parse(path).getroot())  # noqa: S314 - our own file
     except (OSError, ElementTree.ParseError, ValueError) as error:
@@ -303,7 +304,7 @@ def read_network(path: Path) -> SumoNetwork:
 
 
 def parse_packed_network(text: str) -> SumoNetwork:
-    """Parse a network that is packed into a spec; InputError if it is none."""
+    """Parse a network packed into a spec; InputError if it is none."""
     root = unpack_network(text)
     try:
         return parse_network(root)

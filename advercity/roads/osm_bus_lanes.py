@@ -12,16 +12,16 @@ from advercity.roads.osm_map import ONE_WAY, read_tags
 
 BUS_RULES = frozenset(("bus", "psv"))
 OTHER_RULES = frozenset(("access", "bicycle", "motor_vehicle", "taxi", "vehicle"))
-"""Rules of lanes that netconvert may read, and whose lanes may be cycle lanes."""
+"""Rules of lanes known to netconvert, whose lanes may be cycle lanes."""
 
 
 def select_bus_lanes(root: Element, streets: Collection[str], ledger: Ledger) -> None:
-    """Keep the rules of bus lanes that have a value for each lane; remove others, in place.
+    """Keep the rules of bus lanes with a value for each lane; remove others, in place.
 
     Args:
         root: The extract.
-        streets: Ids of the ways that cars may use.
-        ledger: Where to record bus lanes that are left out.
+        streets: Ids of the ways for cars.
+        ledger: Record of omitted bus lanes.
     """
     for way in root.iter("way"):
         tags = read_tags(way) if way.get("id") in streets else {}

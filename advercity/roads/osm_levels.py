@@ -1,8 +1,8 @@
-"""Heights of bridges and tunnels, of which OpenStreetMap says only what is above what.
+"""Heights of bridges and tunnels: OpenStreetMap only has their order from below.
 
 Streets that cross without a common node are a height apart for each layer between them. Decks are
-lifted and tunnels lowered, and ramps lead there along all streets that are connected with them. So
-tunnels become open cuttings. Bridges over what is no street, as over rivers, stay level.
+lifted and tunnels lowered, with ramps along all connected streets. So tunnels become open cuttings.
+Bridges over other things than streets, as over rivers, stay level.
 """
 
 import heapq
@@ -25,7 +25,7 @@ from advercity.roads.osm_map import list_nodes, read_tags
 LAYER_HEIGHT_M = 5.5
 """Height of a layer: 4.5 m are left free above main roads in most of Europe, the rest is a deck."""
 MIN_CLEARANCE_M = 4.0
-"""Height of the highest lorries; the least height between two streets that cross."""
+"""Height of the highest lorries; the least height between two crossing streets."""
 GRADES = (0.06, 0.08, 0.12)
 """Steepest grades of ramps; the first with which all ramps have room is taken."""
 RAMP_STEP_M = 12.0
@@ -33,7 +33,7 @@ RAMP_STEP_M = 12.0
 LEVEL_JUNCTION_M = 10.0
 """Distance from a junction in which all is level: netconvert gives it the height of its node."""
 DECK_HALF_M = 15.0
-"""Half the length of a deck that the map does not tag as a bridge or tunnel."""
+"""Half the length of a deck without a tag of a bridge or tunnel."""
 NODE_TOLERANCE_M = 0.01
 SAME_PLACE_M = 0.5
 """Distance from a common node within which two ways meet rather than cross."""
@@ -45,7 +45,7 @@ Places = dict[str, tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class _Street:
-    """A way that cars may use; `is_structure` if all of it is a bridge or a tunnel."""
+    """A way for cars; `is_structure` if all of it is a bridge or a tunnel."""
 
     way: Element
     line: shapely.LineString
@@ -66,7 +66,7 @@ class _Overpass:
     place: shapely.Point
 
     def list_decks(self) -> Iterator["_Deck"]:
-        """Yield the parts of its streets that are off the ground."""
+        """Yield the parts of its streets off the ground."""
         near = shapely.buffer(self.place, DECK_HALF_M)
         for street, is_off in (
             (self.upper, self.upper.layer > 0),
@@ -79,7 +79,7 @@ class _Overpass:
 
 @dataclass(frozen=True, eq=False)
 class _Deck:
-    """A part of a street that is off the ground."""
+    """A part of a street off the ground."""
 
     street: _Street
     line: BaseGeometry
@@ -89,7 +89,7 @@ class _Deck:
         return self.street.layer * LAYER_HEIGHT_M
 
     def list_nodes(self, places: Places) -> Iterator[str]:
-        """Yield the nodes of its street that it has."""
+        """Yield the nodes of its street on it."""
         for name in list_nodes(self.street.way):
             if self.line.distance(shapely.Point(places[name])) < NODE_TOLERANCE_M:
                 yield name
@@ -100,8 +100,8 @@ def set_heights(plan: Element, streets: Set[str], ledger: Ledger) -> None:
 
     Args:
         plan: The extract in metres.
-        streets: Ids of the ways that cars may use.
-        ledger: Where to record overpasses whose ramps have no room.
+        streets: Ids of the ways for cars.
+        ledger: Record of overpasses whose ramps have no room.
     """
     places = {
         node.attrib["id"]: (float(node.attrib["lon"]), float(node.attrib["lat"]))
@@ -174,7 +174,7 @@ def _locate(way: Element, places: Places) -> Points:
 
 
 def _add_nodes(plan: Element, way: Element, places: Places, zone: shapely.Geometry) -> None:
-    """Add nodes to a way in a zone, so that steps between nodes are short there."""
+    """Add nodes to a way in a zone, to shorten the steps between nodes there."""
     first_node = [item.tag for item in plan].index("node")
     names = [name for name in list_nodes(way) if name in places]
     for item in way.findall("nd"):
@@ -204,7 +204,7 @@ def _solve_heights(
     decks: Sequence[_Deck],
     overpasses: Sequence[_Overpass],
 ) -> tuple[dict[str, float], list[_Overpass]]:
-    """Compute heights of nodes, and the overpasses that they leave no room under."""
+    """Compute heights of nodes, and the overpasses without room below."""
     links = _link_nodes(ways, places)
     starts: dict[float, list[str]] = defaultdict(list)
     for deck in decks:
@@ -260,7 +260,7 @@ def _find_ramp_length(height_m: float, grade: float) -> float:
 
 
 def _find_height(name: str, distances: Mapping[float, Mapping[str, float]], grade: float) -> float:
-    """Find the height of a node: that of the highest ramp, less that into the deepest cutting."""
+    """Find the height of a node: the highest ramp less the deepest cutting."""
     ramps = [0.0]
     for height_m, found in distances.items():
         share = found.get(name, math.inf) / _find_ramp_length(height_m, grade)

@@ -18,7 +18,7 @@ Tags = Mapping[str, str]
 STREETS_WITH_SIDEWALKS = frozenset(
     ("primary", "secondary", "tertiary", "unclassified", "residential")
 )
-"""Values of `highway` of streets that have sidewalks in towns, if extracts do not say."""
+"""Values of `highway` of streets with sidewalks in towns, if extracts do not say."""
 REMOVED_TYPE = "highway.steps"
 """Type of netconvert's edges of `mark_paths`."""
 ONE_WAY = frozenset(("yes", "true", "1"))
@@ -87,12 +87,12 @@ class OsmMap:
 
     @cached_property
     def lines(self) -> list[tuple[Tags, Points]]:
-        """Tagged ways (n, 2), without those that name missing nodes only."""
+        """Tagged ways (n, 2), without ways of missing nodes only."""
         found = ((read_tags(item), self.locate_way(item)) for item in self.root.iter("way"))
         return [(tags, points) for tags, points in found if tags and len(points) > 1]
 
     def locate_way(self, way: Element) -> Points:
-        """Compute the points (n, 2) of a way, without those that the extract lacks."""
+        """Compute the points (n, 2) of a way, without missing nodes."""
         places = (self.places.get(name) for name in list_nodes(way))
         return np.array([place for place in places if place is not None]).reshape(-1, 2)
 

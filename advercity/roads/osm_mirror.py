@@ -1,7 +1,6 @@
-"""Tags of a town with traffic on the left as its mirror image, with traffic on the right, has them.
+"""Mirror the tags of a town with traffic on the left to traffic on the right.
 
-Mirrored at a line, what is at the left of a way is at its right, and lanes, which tags list from
-the left, follow each other the other way round.
+Left and right of a way are swapped, and lanes, which tags list from the left, are reversed.
 """
 
 import re
@@ -14,7 +13,7 @@ SIDED_KEYS = frozenset(
         "width",
     )
 )
-"""First parts of keys that say something of a side or of single lanes."""
+"""First parts of keys about a side or single lanes."""
 SIDE = re.compile(r"left|right")
 LANE_SEPARATOR = "|"
 

@@ -1,7 +1,7 @@
-"""OpenStreetMap extracts as netconvert takes them.
+"""OpenStreetMap extracts, prepared for netconvert.
 
-The document is in metres instead of degrees, has traffic on the right, and what towns have without
-saying so: round rings, sidewalks.
+The document is in metres instead of degrees, has traffic on the right, and has the implied parts of
+towns: round rings, sidewalks.
 """
 
 from pathlib import Path
@@ -56,11 +56,11 @@ def plan_extract(root: Element, road: Road, declared: MapFile, ledger: Ledger) -
         root: The extract, whose nodes are on the globe.
         road: The road, whose origin locates it.
         declared: The map as the road declares it.
-        ledger: Where to record what is left out.
+        ledger: Record of omissions.
 
     Raises:
-        InputError: It is far from the road's origin, or some ways say that traffic is on the left,
-            others that it is on the right.
+        InputError: It is far from the road's origin, or its ways disagree about the side of
+            traffic.
     """
     _check_places(root, road)
     side = _find_driving_side(root, road, declared, ledger)
@@ -91,7 +91,7 @@ def plan_extract(root: Element, road: Road, declared: MapFile, ledger: Ledger) -
 
 
 def _find_streets(plan: Element) -> set[str]:
-    """Find the ids of the ways that cars may use, as netconvert reads their tags."""
+    """Find the ids of the ways for cars, by netconvert's reading of their tags."""
     options = {**METRES, "keep-edges.by-vclass": "passenger"}
     found = convert(Conversion({"map.xml": plan}, options))
     return {get_map_id(item.attrib["id"]) for item in found.iter("edge")}
@@ -120,7 +120,7 @@ def _find_driving_side(root: Element, road: Road, declared: MapFile, ledger: Led
 
 
 def _check_places(root: Element, road: Road) -> None:
-    """Check that an extract's nodes are on the globe, and near the road's origin."""
+    """Check the latitudes and longitudes of an extract, and its distance from the road's origin."""
     try:
         nodes = [
             (float(item.attrib["lat"]), float(item.attrib["lon"])) for item in root.iter("node")

@@ -20,16 +20,16 @@ KNOWN_ZONES = {
 }
 """Countries whose limits of a zone netconvert knows (SUMO 1.28)."""
 NUMBER = re.compile(r"([A-Z]{2}:(zone)?)?\d+(\.\d+)?( ?(mph|km/h))?|none|no|walk")
-"""Speed limits that netconvert reads; without a unit, km/h."""
+"""Speed limits known to netconvert; without a unit, km/h."""
 
 
 def audit_extract(root: Element, streets: Set[str], ledger: Ledger) -> None:
-    """Record what of an extract is left out.
+    """Record the omitted parts of an extract.
 
     Args:
         root: The extract.
-        streets: Ids of the ways that cars may use.
-        ledger: Where to record it.
+        streets: Ids of the ways for cars.
+        ledger: Record of omissions.
     """
     standard = load_standard("osm")
     at_streets: set[str] = set()
@@ -47,7 +47,7 @@ def audit_extract(root: Element, streets: Set[str], ledger: Ledger) -> None:
 
 
 def audit_widths(root: Element, streets: Set[str], ledger: Ledger) -> None:
-    """Record widths of lanes that netconvert ignores since the street has sidewalks, too."""
+    """Record widths of lanes on streets with sidewalks, which netconvert ignores."""
     for way in root.iter("way"):
         tags = read_tags(way) if way.get("id") in streets else {}
         has_sidewalk = any(

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from advercity.geometry.polyline import Points
 
 MIN_RISE_M = 2.0
-"""Least difference of height between two levels; lanes that differ by less meet."""
+"""Least difference of height between two levels; below it, lanes meet."""
 MIN_OVERLAP_M2 = 0.5
-"""Smaller overlaps are those of neighbours."""
+"""Smaller overlaps are between neighbours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Overpasses:
     Attributes:
         over: (k,) numbers of the upper lanes.
         under: (k,) numbers of the lower ones.
-        areas: (k,) polygons in which both lie.
+        areas: (k,) polygons of their overlap.
         height_m: (k,) heights of the upper lanes there.
         rise_m: (k,) their heights over the lower ones.
     """

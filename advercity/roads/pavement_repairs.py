@@ -1,7 +1,7 @@
 """Places repairs of roadways: sealed cracks, patches and joints between passes of the paver.
 
-Sizes are those of common practice: cracks are sealed in bands of 4 to 8 cm, patches are cut with
-straight edges along the lane. How many there are varies from street to street, by its age.
+Sizes follow common practice: cracks are sealed in bands of 4 to 8 cm, patches are cut with straight
+edges along the lane. Their number varies from street to street, by its age.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ AGE = (0.15, 1.6)
 TRANSVERSE_SPACING_M, LENGTHWISE_SPACING_M, PATCH_SPACING_M = 24.0, 42.0, 60.0
 """Usual distance of cracks across and along a lane, and of patches."""
 IN_JUNCTION_FRACTION = 0.35
-"""Repairs on a path through a junction over those of a lane: several paths overlap."""
+"""Repairs on a path through a junction over the repairs of a lane: several paths overlap."""
 SEAL_WIDTH_M, PATCH_SEAL_M = (0.04, 0.075), 0.04
 """Width of the bands over cracks, and around patches."""
 CRACK_STEP_M, CRACK_TURN_M = 0.3, 0.045
@@ -28,8 +28,8 @@ CRACK_STEP_M, CRACK_TURN_M = 0.3, 0.045
 LENGTHWISE_M = (3.0, 14.0)
 PATCH_LENGTH_M, PATCH_WIDTH_M, PATCH_MARGIN_M = (0.7, 4.5), (0.6, 1.7), 0.25
 JOINT_FRACTION, JOINT_WIDTH_M, JOINT_OFFSET_M, JOINT_STEP_M = 0.5, 0.03, 0.13, 1.5
-"""Fraction of the lanes with a joint that shows on their left, its width, distance from there, and
-the length of its pieces."""
+"""Fraction of the lanes with a visible joint on their left, its width, distance from there, and the
+length of its pieces."""
 END_MARGIN_M = 2.0
 """Ends of lanes, where stop lines are, and short lanes have no repairs."""
 
@@ -44,7 +44,7 @@ def place_repairs(
     Args:
         lanes: Lanes of a road; repairs keep clear of its crossings.
         key: Name of the road.
-        reserved: More area that is to stay free.
+        reserved: More area to keep free.
     """
     crossings = [lane for lane in lanes if lane.kind == "crossing"]
     outlines = [np.vstack([lane.left, lane.right[::-1]])[:, :2] for lane in crossings]
@@ -69,7 +69,7 @@ def place_repairs(
 
 def _draw_age(lane: LaneSegment, key: str) -> float:
     """Draw the number of repairs of a lane over the usual one."""
-    # Ids of lanes are those of their street and a number.
+    # Ids of lanes are their street's id and a number.
     street = create_generator("pavement age", key, lane.id.rstrip("0123456789"))
     return street.uniform(*AGE) * (IN_JUNCTION_FRACTION if lane.in_junction else 1.0)
 

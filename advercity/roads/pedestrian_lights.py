@@ -1,4 +1,4 @@
-"""Places signal heads for pedestrians at both ends of crossings that a light governs."""
+"""Signal heads for pedestrians at both ends of crossings with a light."""
 
 from collections.abc import Iterator
 

@@ -19,7 +19,7 @@ from advercity.roads.map_plan import LaneLines
 from advercity.roads.sumo_xml import format_metres, format_shape
 
 BORDER_TOLERANCE_M = 0.005
-"""Borders that SUMO's line and width give as exactly are not written."""
+"""Borders given as exactly by SUMO's line and width are not written."""
 EDGE_PRIORITY = 1
 TOUCH_M = 0.02
 """Half the thickness of a node where streets touch."""
@@ -50,7 +50,7 @@ class PlainLane:
 
 
 def measure_usual_width(left: Points, right: Points) -> float:
-    """Measure the width that half of a lane between two borders (n, 3) is wider than."""
+    """Measure the median width of a lane between two borders (n, 3)."""
     stations = polyline_stations((left + right) / 2)
     widths = np.linalg.norm(left - right, axis=1)
     even = np.linspace(0.0, stations[-1], 101)
@@ -133,10 +133,10 @@ def build_connections(
     """Build the document of connections.
 
     Args:
-        paths: The lane that each leaves, the lane that it enters, and its middle (n, 3) if it
-            leads through a junction; of equal ones, the first is taken.
+        paths: The lane each leaves, the lane it enters, and its middle (n, 3) through a junction,
+            if any; of equal ones, the first is taken.
         edges: Names of all edges.
-        uncrossed: Names of the nodes without paths that pedestrians could cross.
+        uncrossed: Names of the nodes without paths for pedestrians to cross.
     """
     root = Element("connections")
     connected: set[str] = set()
@@ -152,7 +152,7 @@ def build_connections(
         if line is not None and len(line) > 1:
             values["shape"] = format_shape(line)
         SubElement(root, "connection", values)
-    # netconvert invents connections for edges that have none, unless it is told so.
+    # netconvert invents connections for edges without any, unless told otherwise.
     for name in edges:
         if name not in connected:
             SubElement(root, "connection", {"from": name})

@@ -25,7 +25,7 @@ PLAIN_OPTIONS = {
 
 @dataclass(frozen=True, eq=False)
 class PlainNetwork:
-    """A lane map as plain XML, and all of it that plain XML has no words for.
+    """A lane map as plain XML, and the parts of it that plain XML cannot hold.
 
     Attributes:
         nodes: Document of nodes.
@@ -36,7 +36,7 @@ class PlainNetwork:
         paths: Lines of ways through junctions.
         outlines: Kind and ring (n, 3) of paving inside junctions.
         crosswalks: Middles of the crosswalks of the map.
-        stripes: Mark and line (n, 3) of all painted lines; none where the map does not have them.
+        stripes: Mark and line (n, 3) of all painted lines; none if the map has none.
     """
 
     nodes: Element
@@ -50,7 +50,7 @@ class PlainNetwork:
     stripes: Sequence[tuple[RoadMark, Points]] = ()
 
     def plan(self, road: Road, side: Side, origin_m: Point2, place: MapPlace | None) -> MapPlan:
-        """Build the plan of a map that is this network in the plan frame.
+        """Build the plan of a map from this network in the plan frame.
 
         Raises:
             InputError: It has no street.

@@ -21,14 +21,14 @@ from advercity.roads.streets import StreetLayout
 
 SIZE_PX, MAX_SIZE_PX = 1600, 6000
 BARE_PX_PER_M = 6.0
-"""Scale of plans without agents, which are larger so that ids of lanes can be read."""
+"""Scale of plans without agents, larger to make ids of lanes readable."""
 MARGIN_M = 15.0
 MAP_PX_PER_M = 4.0
 """Scale of plans of whole maps."""
 MAP_MARGIN_M = 100.0
 """Distance from a map's junctions, or a scenario's agents, to which it is drawn."""
 VIEW_DISTANCE_M = 40.0
-"""Length of the wedges that show fields of view."""
+"""Length of the wedges for fields of view."""
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 FONT_SCALE = 0.45
 FRACTIONAL_BITS = 4
@@ -98,7 +98,7 @@ class PlanLabel:
 
 
 class PlanCanvas:
-    """An image that is drawn on in world metres, north up, BGR."""
+    """An image to draw on in world metres, north up, BGR."""
 
     def __init__(
         self, low: NDArray[np.float64], high: NDArray[np.float64], size_px: float = SIZE_PX
@@ -142,7 +142,7 @@ class PlanCanvas:
         self._labels.append(PlanLabel(text, x + 8, y - 8, colour, needed=needed))
 
     def draw_labels(self) -> None:
-        """Draw all labels that are needed, and of the others, in order, those that find room."""
+        """Draw all needed labels, and of the others, in order, as many as find room."""
         height, width = self.image.shape[:2]
         drawn: list[PlanLabel] = []
         for label in sorted(self._labels, key=lambda item: not item.needed):
@@ -157,7 +157,7 @@ class PlanCanvas:
 
 
 def draw_plan(network: RoadNetwork, spec: Spec | None = None) -> Uint8Array:
-    """Draw the plan of a road, BGR; with a spec, also what its cameras see and what it stages.
+    """Draw the plan of a road, BGR; with a spec, also fields of view and staged conflicts.
 
     North is up; the bar is 50 m long. Without agents there are coordinates, ids of lanes and
     stations of streets, by which they and surroundings are placed.
@@ -168,7 +168,7 @@ def draw_plan(network: RoadNetwork, spec: Spec | None = None) -> Uint8Array:
 def draw_plan_canvas(
     network: RoadNetwork, spec: Spec | None = None, *, around_agents: bool = False
 ) -> PlanCanvas:
-    """Draw the plan on a canvas that can be drawn on further; of a map around its agents alone."""
+    """Draw the plan on a canvas for more drawing; of a map around its agents alone."""
     road, found = network.declaration, network.lanes
     canvas = _create_canvas(network, around_agents=around_agents)
     if road.imported is not None:
@@ -249,7 +249,7 @@ def _draw_crossing(canvas: PlanCanvas, lane: LaneSegment) -> None:
 def _draw_lane_id(
     canvas: PlanCanvas, lane: LaneSegment, streets: Mapping[str, StreetLayout]
 ) -> None:
-    """Draw an arrow along a lane with the part of its id that follows the street's name."""
+    """Draw an arrow along a lane with its id without the street's name."""
     line = StationedPolyline.from_points((lane.left + lane.right) / 2)
     if line.length_m * canvas.px_per_m < MIN_LABELLED_PX:
         return
@@ -315,7 +315,7 @@ def _draw_view(
 
 
 def _route_lanes(vehicle: Vehicle, found: tuple[LaneSegment, ...]) -> Iterator[LaneSegment]:
-    """Yield the connecting paths along a route and the lanes that lead to them."""
+    """Yield the connecting paths along a route and the lanes to them."""
     by_id = {lane.id: lane for lane in found}
     for street, following in pairwise(vehicle.route):
         turns = (lane for lane in found if _is_movement_between(lane.id, street, following))

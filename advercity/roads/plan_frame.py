@@ -1,8 +1,8 @@
 """Declarations of left-hand traffic, mirrored at the x axis into right-hand ones, and back.
 
-All that reasons about lanes knows right-hand traffic alone: layout, SUMO, signals, conflicts,
-demand and the scene. It works in the plan frame, the world frame of a right-hand road, and the
-mirror image (y negated) of that of a left-hand one. A road in the plan frame is a right-hand road.
+All code about lanes knows right-hand traffic alone: layout, SUMO, signals, conflicts, demand and
+the scene. It works in the plan frame: the world frame of a right-hand road, or the mirror image (y
+negated) of the world frame of a left-hand one. A road in the plan frame is a right-hand road.
 """
 
 from collections.abc import Mapping
@@ -45,7 +45,7 @@ def to_plan_frame(road: Road) -> Road:
 
 
 def to_world_frame(plan: Road, declared: Road) -> Road:
-    """Return a road of the plan frame in the world of the road that it was made from."""
+    """Return a road of the plan frame in the world of its declared road."""
     return mirror_road(plan) if declared.is_left_hand else plan
 
 
@@ -127,7 +127,7 @@ def mirror_conflict(conflict: StagedConflict) -> StagedConflict:
 
 
 def name_in_world(manoeuvre: Manoeuvre, road: Road) -> Manoeuvre:
-    """Name a manoeuvre of a conflict, which are those of right-hand traffic, in a road's world."""
+    """Name a manoeuvre of a conflict, declared for right-hand traffic, in a road's world."""
     return swap_sides(manoeuvre) if road.is_left_hand else manoeuvre
 
 

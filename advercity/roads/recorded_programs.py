@@ -1,4 +1,4 @@
-"""Lights of a SUMO network that show what was recorded."""
+"""Lights of a SUMO network in their recorded states."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,12 +13,12 @@ RecordedPrograms = Mapping[str, Sequence[tuple[float, str]]]
 
 
 def replace_programs(file: Path, programs: RecordedPrograms, from_s: float) -> None:
-    """Give lights of a network fixed programs that repeat what was recorded.
+    """Give lights of a network fixed programs of their recorded states.
 
     Args:
-        file: The network, which is changed.
-        programs: What was recorded.
-        from_s: Time of the recording at which the programs begin.
+        file: The network, changed in place.
+        programs: Recorded states.
+        from_s: Time of the recording at the programs' begin.
     """
     net = parse_xml(file.read_bytes())
     place = next((at for at, item in enumerate(net) if item.tag == "tlLogic"), len(net))

@@ -1,4 +1,4 @@
-"""Lays what is let into roadways, such as repairs and covers, onto their asphalt."""
+"""Inlays of roadways, such as repairs and covers, laid onto their asphalt."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ LEVEL_COSINE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class RoadInlay:
-    """A piece of a road's surface that is of another material.
+    """A piece of a road's surface of another material.
 
     Attributes:
         material: Its material.
         outline: Its convex outline in the plan, metres.
-        z_m: About its height, which tells a bridge from what is below.
+        z_m: About its height, to tell a bridge from the road below.
     """
 
     material: str

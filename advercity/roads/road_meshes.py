@@ -28,7 +28,7 @@ from advercity.semantics import Semantic
 KERB_HEIGHT_M = 0.15
 KERB_WIDTH_M = 0.15
 FACET_SIZE_M = 2.0
-"""Size of the facets of a junction that is not level."""
+"""Size of the facets of a sloping junction."""
 LEVEL_TOLERANCE_M = 0.001
 """Areas whose heights differ by less are triangulated in one piece."""
 KERB_RISE = np.array([0.0, 0.0, KERB_HEIGHT_M])

@@ -90,7 +90,7 @@ class AuthoredRoadNetwork:
 
     @property
     def declaration(self) -> Road:
-        """The road that was laid out."""
+        """The road of this layout."""
         return self._layout.road
 
     @property
@@ -115,7 +115,7 @@ class AuthoredRoadNetwork:
 
     @cached_property
     def paved_area(self) -> BaseGeometry:
-        """Area that streets and junctions cover."""
+        """Area of streets and junctions."""
         return _build_paved_area(self._layout)
 
     @property
@@ -137,7 +137,7 @@ class AuthoredRoadNetwork:
 
     @cached_property
     def traffic_lights(self) -> tuple[TrafficLight, ...]:
-        """Signal heads, as declared, and those of the crossings."""
+        """Signal heads, as declared, and the heads of the crossings."""
         found: list[TrafficLight] = []
         for junction in self._layout.junctions.values():
             signals = junction.declared.signals

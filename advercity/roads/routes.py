@@ -23,11 +23,11 @@ from advercity.roads.signals import find_declared_green_s
 from advercity.roads.streets import StreetLayout, StripLayout, lay_out_streets
 
 SEARCH_STEP_M = 0.25
-"""Between the stations that are searched for the nearest one; compiled specs hold the result."""
+"""Step of the search for the nearest station; compiled specs hold the result."""
 HEADING_SPAN_M = 1.0
-"""Length of the chord that a heading is taken from, so that corners of the polyline do not jerk."""
+"""Length of the chord for a heading: corners of the polyline must not jerk."""
 CROSSING_GAP_M = 1.0
-"""Paths that come closer than this cross."""
+"""Paths cross if they are closer than this."""
 LANE_CHANGE_M = 30.0
 """Length over which a vehicle changes from one lane to another."""
 
@@ -66,7 +66,7 @@ class RouteSegment:
 
 @dataclass(frozen=True, eq=False)
 class RoutePath:
-    """The path of a vehicle with the streets that it follows.
+    """The path of a vehicle with its streets.
 
     Attributes:
         points: (n, 2) metres, from the start of its first street.
@@ -100,7 +100,7 @@ class RoutePath:
         return self.line.headings_at(stations_m, span_m=HEADING_SPAN_M)
 
     def find_nearest_station(self, point: ArrayLike) -> float:
-        """Find the sampled station that is nearest to a point (2,)."""
+        """Find the sampled station nearest to a point (2,)."""
         gaps = np.linalg.norm(self._search_points - np.asarray(point), axis=1)
         return float(self._search_stations[np.argmin(gaps)])
 
@@ -174,11 +174,11 @@ class RoutePlanner:
         return min(found)[1] if found else None
 
     def find_next_green_s(self, first: str, second: str, from_s: float) -> float | None:
-        """Compute the first time from `from_s` on at which lights let a movement go.
+        """Compute the first time from `from_s` on with green for a movement.
 
         Args:
-            first: Street that the movement leaves.
-            second: Street that it enters.
+            first: Street before the movement.
+            second: Street behind it.
             from_s: Time since the scenario's start.
 
         Returns:
@@ -205,7 +205,7 @@ class RoutePlanner:
 
     @cached_property
     def _junctions(self) -> dict[tuple[str, str], str]:
-        """Junction of each pair of streets that a movement connects, the first in the file."""
+        """Junction of each pair of streets with a movement, the first in the file."""
         found: dict[tuple[str, str], str] = {}
         for name, movements in self.movements.items():
             for item in movements:
@@ -229,16 +229,16 @@ class RoutePlanner:
         return float(layout.headings[-1] if at_end else layout.headings[0] + np.pi)
 
     def turn_angle(self, movement: Movement, junction: str) -> float:
-        """Compute the angle that a movement turns, in (-pi, pi] radians; positive to the left."""
+        """Compute the turn of a movement, in (-pi, pi] radians; positive to the left."""
         leaves = self.approach_heading(movement.to_street, junction) + np.pi
         turned = leaves - self.approach_heading(movement.from_street, junction)
         return float(np.pi - (np.pi - turned) % (2 * np.pi))
 
     def build_path(self, streets: Sequence[str], lane: int | None = None) -> RoutePath:
-        """Build the path along streets, in the lanes that lead from each into the next.
+        """Build the path along streets, in the lanes from each into the next.
 
-        It starts in the numbered lane; None is the innermost that fits. InputError if no movement
-        leads from one street into the next.
+        It starts in the numbered lane; None is the innermost suitable one. InputError if no
+        movement leads from one street into the next.
         """
         return self._join_lanes(list(self._choose_lanes(streets, lane)))
 
@@ -333,7 +333,7 @@ class RoutePlanner:
 def _build_driven_line(
     street: StreetLayout, entered: int, left: int, *, along: bool
 ) -> NDArray[np.float64]:
-    """Build the line (n, 2) of a vehicle that enters a street in one lane and leaves in another."""
+    """Build the line (n, 2) of a vehicle that changes from one lane of a street to another."""
     line = _build_lane_line(street, entered, along=along)
     if left == entered:
         return line

@@ -1,8 +1,8 @@
 """Traffic lights and signs, and the fixed signal programs of declared junctions.
 
 A program gives green to one approach at a time, or to several together. A crossing is green with
-the approach that turns right into the crossed street. Turns give way to pedestrians, and left turns
-also to oncoming traffic that has green together with them.
+the approach whose right turn leads into the crossed street. Turns give way to pedestrians, and left
+turns also to oncoming traffic with green at the same time.
 """
 
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ def find_declared_green_s(signals: Signals, street: str, from_s: float) -> float
 
 
 LEFT_TURN_RAD = 0.6
-"""A movement that turns left by more crosses oncoming traffic."""
+"""A movement with a larger left turn crosses oncoming traffic."""
 
 
 def _green_state(junction: JunctionLayout, approaches: tuple[str, ...]) -> str:
@@ -92,7 +92,7 @@ class TrafficLight:
     """Where the head is attached: to the arm of a mast, or to the top of a post."""
     mast_foot_m: Point2
     facing: tuple[float, float]
-    """Unit vector (x, y) towards the traffic that it governs."""
+    """Unit vector (x, y) towards its traffic."""
     governs: GovernedTraffic = "vehicles"
 
 
@@ -103,4 +103,4 @@ class TrafficSign:
     kind: Literal["stop", "yield"]
     position_m: Point2
     facing: tuple[float, float]
-    """Unit vector (x, y) towards the traffic that it governs."""
+    """Unit vector (x, y) towards its traffic."""

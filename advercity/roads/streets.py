@@ -104,7 +104,7 @@ class StreetLayout:
         return tangents if along else -tangents[::-1]
 
     def strips_in_direction(self, *, along: bool) -> tuple[StripLayout, ...]:
-        """Strips that are travelled along the axis or against it, from the axis outwards."""
+        """Strips for travel along the axis or against it, from the axis outwards."""
         return self.right_strips if along != self.is_left_hand else self.left_strips
 
     def find_lane(self, number: int, *, along: bool) -> StripLayout:

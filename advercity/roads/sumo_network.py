@@ -48,7 +48,7 @@ NETCONVERT_OPTIONS = {
 
 @dataclass(frozen=True)
 class NetconvertResult:
-    """Whether netconvert wrote the network, and what it printed."""
+    """Success of netconvert, and its printed text."""
 
     succeeded: bool
     messages: str
@@ -69,11 +69,11 @@ def run_netconvert(options: Mapping[str, str], output: Path) -> NetconvertResult
         done = subprocess.run(  # noqa: S603  the program is the wheel's own
             bind_to_this_process(command),
             cwd=output.parent,
-            # It warns of a user's locale that is not installed, and a warning is an error here.
+            # It warns of a user's missing locale, and a warning is an error here.
             env={**os.environ, "SUMO_HOME": sumo.SUMO_HOME, "LC_ALL": "C"},
             capture_output=True,
             text=True,
-            errors="replace",  # messages quote names from maps, in whatever encoding
+            errors="replace",  # messages quote names from maps, in any encoding
             timeout=NETCONVERT_TIMEOUT_S,
             check=False,
         )
@@ -111,7 +111,7 @@ CLOSED_PERMISSION = {"disallow": "all"}
 
 
 def write_sumo_network(road: Road, folder: Path) -> Path:
-    """Write a road's SUMO network, `<road id>.net.xml`, and the files that it is compiled from.
+    """Write a road's SUMO network, `<road id>.net.xml`, and its source files.
 
     The same road gives the same bytes. The folder is created if it is missing.
 

@@ -24,19 +24,19 @@ NO_NUMBER = "has a place that is no number"
 
 
 def plan_network(root: Element, road: Road, declared: MapFile, ledger: Ledger) -> MapPlan:
-    """Lay out a network of somebody else in the plan.
+    """Lay out a foreign network in the plan.
 
     SUMO counts the lanes of a network with traffic on the left from the left; mirrored, they are
     counted from the right.
 
     Args:
         root: The network.
-        road: The road that it is for.
+        road: The road with the map.
         declared: The map as the road declares it.
-        ledger: Where to record what is left out.
+        ledger: Record of omissions.
 
     Raises:
-        InputError: Something of it is refused.
+        InputError: A part of it is refused.
     """
     load_standard("sumo_network").audit(root, ledger)
     _record_closed_lanes(root, ledger)
@@ -99,7 +99,7 @@ def _choose_origin(net: Element) -> Point2:
 
 
 def _locate(location: Element | None, origin_m: Point2, ledger: Ledger) -> MapPlace | None:
-    """Locate the plan's origin: SUMO moves what it projects by an offset."""
+    """Locate the plan's origin: SUMO adds an offset to projected points."""
     if location is None or location.get("projParameter", "!") in ("!", "-", ""):
         return None
     try:
@@ -115,7 +115,7 @@ def _locate(location: Element | None, origin_m: Point2, ledger: Ledger) -> MapPl
 
 
 def _record_closed_lanes(root: Element, ledger: Ledger) -> None:
-    """Record lanes of vehicles that are not simulated, and streets without lanes for cars."""
+    """Record lanes of vehicles outside the simulation, and streets without lanes for cars."""
     for edge in root.iter("edge"):
         if edge.get("function", "normal") == "connector":
             ledger.leave_out("connector of traffic zones", plural="connectors of traffic zones")
@@ -133,7 +133,7 @@ def _record_closed_lanes(root: Element, ledger: Ledger) -> None:
 
 
 def _list_classes(lane: Element) -> Iterator[str]:
-    """List the classes that a lane names as allowed, or cars, people and bicycles by default."""
+    """List the classes allowed in a lane, or cars, people and bicycles by default."""
     if "allow" in lane.attrib:
         named = lane.attrib["allow"].split()
         yield from (("passenger", "pedestrian") if "all" in named else named)
@@ -145,7 +145,7 @@ def _list_classes(lane: Element) -> Iterator[str]:
 
 
 def _keep_last_programs(net: Element, ledger: Ledger) -> None:
-    """Keep the program of each light that SUMO begins with, which is the last one."""
+    """Keep the program with which SUMO begins of each light: the last one."""
     last = {item.get("id"): item for item in net.iter("tlLogic")}
     for item in list(net.iter("tlLogic")):
         if item is not last[item.get("id")]:

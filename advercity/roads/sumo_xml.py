@@ -1,8 +1,8 @@
 """SUMO networks from unknown authors, checked so that SUMO can read them safely.
 
-SUMO reads networks with the parser that also reads detectors and signal programs that write files,
-and a projection may name grid files to open. So only elements and attributes of a plain network
-pass, both into a spec and out of it.
+SUMO's parser of networks also reads detectors and signal programs, which write files, and a
+projection may name grid files to open. So only elements and attributes of a plain network pass,
+both into a spec and out of it.
 """
 
 import base64
@@ -15,7 +15,7 @@ from advercity.foreign.xml_documents import MAX_XML_BYTES, parse_xml, to_xml_byt
 from advercity.geometry.polyline import Points
 
 BORDER_ATTRIBUTES = ("leftBorder", "rightBorder")
-"""Borders of a lane that is not equally wide along its line; SUMO does not read them."""
+"""Borders of a lane of varying width; SUMO does not read them."""
 _KEPT_ATTRIBUTES = {
     "edge": "id from to function priority shape crossingEdges",
     "lane": "id index allow disallow speed length width shape customShape outlineShape type"
@@ -50,7 +50,7 @@ def sanitize_network(root: Element, *, for_netconvert: bool = False) -> Element:
 
     Args:
         root: The network.
-        for_netconvert: Whether to copy what only netconvert reads, too.
+        for_netconvert: Whether to copy parts read only by netconvert, too.
     """
     more = _READ_BY_NETCONVERT if for_netconvert else {}
     attributes = {
@@ -72,7 +72,7 @@ def sanitize_network(root: Element, *, for_netconvert: bool = False) -> Element:
 
 def _copy_element(parent: Element, item: Element, attributes: list[str]) -> Element:
     kept = {name: value for name in attributes if (value := item.get(name))}
-    # Actuated programs read detectors and parameters that name files; a fixed one is harmless.
+    # Actuated programs read detectors and parameters with file names; a fixed one is harmless.
     if item.tag == "tlLogic":
         kept["type"] = "static"
     return SubElement(parent, item.tag, kept)

@@ -28,7 +28,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Member:
-    """An element that a relation refers to, and its role."""
+    """An element of a relation, and its role."""
 
     kind: str
     ref: str
@@ -70,7 +70,7 @@ def parse_document(root: Element) -> LaneletDocument:
     """Parse a document.
 
     Raises:
-        InputError: It has too many lanelets, or a lanelet refers to what the file lacks.
+        InputError: It has too many lanelets, or a lanelet refers to a missing element.
     """
     relations = {item.get("id", ""): _parse_relation(item) for item in root.iter("relation")}
     document = LaneletDocument(
@@ -112,7 +112,7 @@ def _select(relations: Mapping[str, Relation], kind: str) -> dict[str, Relation]
 
 
 def _parse_way(item: Element) -> Way:
-    # A node that follows itself has no direction.
+    # A repeated node has no direction.
     nodes = list(_drop_repeated(list_nodes(item)))
     return Way(item.get("id", ""), tuple(nodes), read_tags(item), get_line(item))
 

@@ -163,7 +163,7 @@ def _orient(left: Bound, right: Bound) -> tuple[Bound, Bound] | None:
     """Turn bounds into the direction in which the left one is on the left; None if they are one."""
     first, second = left.points[:, :2], right.points[:, :2]
     rings = [shapely.Polygon(np.vstack([first, other])) for other in (second[::-1], second)]
-    # Between bounds that point the same way lies the ring that does not cross itself.
+    # If both bounds have the same direction, the ring between them does not cross itself.
     valid = [ring.is_valid for ring in rings]
     if valid[0] == valid[1]:
         apart = [
@@ -184,7 +184,7 @@ def _orient(left: Bound, right: Bound) -> tuple[Bound, Bound] | None:
 def _find_limit(
     document: LaneletDocument, item: Relation, rules: Iterable[str], ledger: Ledger
 ) -> float | None:
-    """Find the limit that a map has for a lanelet: of its own tag, else of its signs."""
+    """Find the map's limit for a lanelet: of its own tag, else of its signs."""
     own = item.tags.get("speed_limit")
     texts = [own] if own is not None else []
     for name in sorted(rules):

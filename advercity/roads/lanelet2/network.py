@@ -1,4 +1,4 @@
-"""The SUMO network of a Lanelet2 map, as plain XML that netconvert compiles."""
+"""The SUMO network of a Lanelet2 map, as plain XML for netconvert."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -40,7 +40,7 @@ APPROACH_M = 25.0
 MAX_STREETS_M = 500_000.0
 """Total length of the streets of a map; a larger one would fill the memory."""
 MIN_STEP_M = 1.0
-"""Length that a lanelet counts as at least, so that tiny ones have an end."""
+"""Least assumed length of a lanelet: tiny ones need an end, too."""
 OUTLINE_KINDS = {"driving": "roadway", "shoulder": "roadway", "sidewalk": "sidewalk"}
 """Kinds of outlines by paving of a lane."""
 
@@ -113,7 +113,7 @@ class LaneletTopology:
         return (item for item in lanelets if item.id not in used)
 
     def list_unused(self) -> Iterator[Lanelet]:
-        """List the driven lanelets inside junctions that no way leads over."""
+        """List the driven lanelets inside junctions without a way over them."""
         used = {(key.section, lane) for path in self.paths for key, lane in path.inside}
         for section, parts in enumerate(self.pieces):
             is_inside = any(part.is_inside for part in parts)
@@ -169,7 +169,7 @@ def build_plain_network(
 
 
 class _Nodes:
-    """Names and writes the nodes that streets begin and end at."""
+    """Names and writes the nodes at the ends of streets."""
 
     def __init__(
         self,
@@ -258,7 +258,7 @@ def _cut_inside(topology: LaneletTopology, key: PieceKey, lane: int) -> PlainLan
 def _list_outlines(
     topology: LaneletTopology, lanelets: Sequence[Lanelet]
 ) -> Iterator[tuple[str, Points]]:
-    """List the paving of junctions, and of lanelets that no street has."""
+    """List the paving of junctions, and of lanelets without a street."""
     for section, parts in zip(topology.graph.sections, topology.pieces, strict=True):
         for part in parts:
             if part.is_inside:

@@ -1,4 +1,4 @@
-"""Parts of a Lanelet2 map that are not taken over."""
+"""Omitted parts of a Lanelet2 map."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
@@ -22,7 +22,7 @@ RELATION_KINDS: Mapping[str, str] = {
 
 
 def record_omissions(root: Element, ledger: Ledger) -> None:
-    """Record what of a map is left out; InputError where a part of it is refused."""
+    """Record the omitted parts of a map; InputError if a part is refused."""
     standard = load_standard("lanelet2")
     standard.audit(root, ledger)
     for kind in ("node", "way"):
@@ -44,7 +44,7 @@ def record_unused(
     lanelets: Iterable[Lanelet],
     ledger: Ledger,
 ) -> None:
-    """Record unused lanelets, and lines that forbid lane changes but do not prevent them."""
+    """Record unused lanelets, and lines against lane changes, which do not prevent them."""
     for item in topology.list_unused():
         name = "lanelet in a junction that leads nowhere (paved, not driven)"
         plural = "lanelets in junctions that lead nowhere (paved, not driven)"
@@ -65,7 +65,7 @@ def record_rules(
     approaches: Mapping[str, Approach],
     ledger: Ledger,
 ) -> None:
-    """Record stop signs without a junction, and lights that only other approaches have."""
+    """Record stop signs without a junction, and lights missing at some approaches."""
     groups = topology.map.groups
     nodes = {name: groups.find(street.ends) for name, street in topology.map.streets.items()}
     lit = {nodes[name] for name, approach in approaches.items() if approach.has_light}
@@ -83,7 +83,7 @@ def record_rules(
 
 
 def _list_barriers(document: LaneletDocument, topology: LaneletTopology) -> Iterator[Way]:
-    """List the ways between lanes of one direction that may not be crossed in both."""
+    """List the ways between lanes of one direction without lane changes in both senses."""
     for section in topology.graph.sections:
         for left, right in pairwise(section.lanelets):
             if not (left.is_driven and right.is_driven):

@@ -11,7 +11,7 @@ from advercity.roads.lanelet2.lanelets import Lanelet
 from advercity.roads.lanelet2.sections import CrossSection
 
 OVERLAP_M = 0.5
-"""Width by which lanelets overlap that only touch, as maps are drawn."""
+"""Width of overlap of merely touching lanelets, as maps are drawn."""
 LEVEL_M = 2.0
 """Difference in height from which one lanelet leads over another."""
 OPPOSITE_COSINE = -0.8
@@ -22,7 +22,7 @@ MIDDLE_POINTS = 33
 
 @dataclass(frozen=True)
 class Overlap:
-    """Two cross-sections that overlap, and the fractions of their lengths between which they do."""
+    """Two overlapping cross-sections, and the overlapping fractions of their lengths."""
 
     sections: tuple[int, int]
     spans: tuple[tuple[float, float], tuple[float, float]]

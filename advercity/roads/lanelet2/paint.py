@@ -16,7 +16,7 @@ STRIPE_OFFSETS_M: Mapping[tuple[str, int], tuple[float, ...]] = {
 }
 """Distances to the left of stripes 0.12 m wide, by type of a line and number of its lines."""
 MIN_STEP_M = 1e-3
-"""Points of a line that are closer in the plan have no direction."""
+"""Closer points of a line in the plan have no direction."""
 MARKS: Mapping[tuple[str, bool], RoadMark] = {
     ("solid", False): RoadMark.SOLID_WHITE,
     ("dashed", False): RoadMark.BROKEN_WHITE,

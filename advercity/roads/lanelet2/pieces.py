@@ -1,4 +1,4 @@
-"""Cross-sections cut into streets and the insides of junctions, and which follow each other.
+"""Cross-sections, cut into streets and insides of junctions, and their order.
 
 Lanelet2 knows no junctions. They are where driven lanelets overlap others that are no neighbours.
 """
@@ -13,11 +13,11 @@ from advercity.roads.lanelet2.overlaps import Overlap
 from advercity.roads.lanelet2.sections import CrossSection
 
 MIN_STREET_M = 25.0
-"""Length from which a street is none of the junction that it leads to."""
+"""Length from which a street does not belong to the junction at its end."""
 MIN_INNER_M = 6.0
 """Shorter cross-sections between the insides of junctions are inside, too."""
 STUB_M = 5.0
-"""Length of a street that the map cuts off inside a junction."""
+"""Length of a street cut off by the map inside a junction."""
 
 
 class SectionLane(NamedTuple):
@@ -70,7 +70,7 @@ class LaneGraph:
         }
 
     def list_neighbours(self, section: int, ahead: bool) -> set[int]:
-        """List the cross-sections that driven lanes of one lead into, or that lead into them."""
+        """List the cross-sections ahead of, or behind, the driven lanes of one."""
         links = self.following if ahead else self.preceding
         return {
             other.section
@@ -109,7 +109,7 @@ def _cut(graph: LaneGraph, section: int, spans: Sequence[tuple[float, float]]) -
     length_m = graph.sections[section].length_m
     begins, ends = min(span[0] for span in spans), max(span[1] for span in spans)
     stub = min(STUB_M / length_m, 0.3)
-    # The stop line is where lanelets diverge; what is left before is a street if it is long.
+    # The stop line is where lanelets diverge; the rest before it is a street if it is long.
     if not graph.list_neighbours(section, False):
         begins = max(begins, stub)
     elif begins * length_m < MIN_STREET_M:
@@ -141,9 +141,9 @@ class LanePath:
     """A way from a lane of a street into another's.
 
     Attributes:
-        origin: Piece and lane that it leaves.
-        target: Piece and lane that it enters.
-        inside: Pieces and lanes inside a junction on the way; none where streets touch.
+        origin: Piece and lane at its start.
+        target: Piece and lane at its end.
+        inside: Pieces and lanes inside a junction on the way; none if streets touch.
     """
 
     origin: LanePiece

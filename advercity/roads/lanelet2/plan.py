@@ -31,10 +31,10 @@ def plan_lanelet2(root: Element, road: Road, declared: MapFile, ledger: Ledger) 
         root: The document.
         road: The road, whose origin locates latitudes and longitudes.
         declared: The map as the road declares it.
-        ledger: Where to record what is left out.
+        ledger: Record of omissions.
 
     Raises:
-        InputError: The document refers to what it lacks, or has a number that is none.
+        InputError: The document refers to a missing element, or has an invalid number.
     """
     record_omissions(root, ledger)
     document = parse_document(root)

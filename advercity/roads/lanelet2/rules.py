@@ -10,7 +10,7 @@ STOP_SIGNS = frozenset(("de206", "usR1-1", "stop_sign"))
 YIELD_SIGNS = frozenset(("de205", "usR1-2"))
 """Subtypes of signs in Lanelet2's and Autoware's maps."""
 YIELDS, USUAL, HAS_RIGHT_OF_WAY = 0, 1, 2
-"""Priorities of streets; netconvert makes those of 0 stop where a node has stop signs."""
+"""Priorities of streets; netconvert makes streets of 0 stop if a node has stop signs."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class RightOfWay:
         """Find the rules at the end of a street.
 
         Args:
-            before: Lanelets that lead to the end.
-            ways: Lanelets of every way through the junction behind it. A rule that holds on some
-                of them only, as for left turns, is left to the usual ones.
+            before: Lanelets before the end.
+            ways: Lanelets of every way through the junction behind it. A rule for some of them
+                only, as for left turns, is left to the usual ones.
         """
         own = self._list_rules(before)
         behind = [self._list_rules(way) for way in ways] or [[]]
@@ -52,7 +52,7 @@ class RightOfWay:
         )
 
     def _list_rules(self, lanelets: Iterable[Lanelet]) -> list[tuple[str, "_Rule"]]:
-        """List the rules of lanelets, with the id of the lanelet that each is of."""
+        """List the rules of lanelets, each with its lanelet's id."""
         return [
             (lanelet.id, rule)
             for lanelet in lanelets
@@ -63,7 +63,7 @@ class RightOfWay:
 
 @dataclass(frozen=True)
 class _Rule:
-    """A regulatory element: ids of lanelets that have to yield, and of those that may go."""
+    """A regulatory element: ids of lanelets with the duty to yield, and with right of way."""
 
     yielding: frozenset[str]
     has_right_of_way: frozenset[str]
@@ -92,7 +92,7 @@ class _Rule:
 
 
 def find_node_type(approaches: Mapping[str, Approach]) -> str:
-    """Find SUMO's type of the node that approaches lead to."""
+    """Find SUMO's type of the node at the end of approaches."""
     found = list(approaches.values())
     if any(item.has_light for item in found):
         return "traffic_light"

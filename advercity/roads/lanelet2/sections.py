@@ -17,13 +17,13 @@ from advercity.roads.lanelet2.lanelets import Bound, Lanelet
 from advercity.roads.plain_edges import PlainLane
 
 STEP_M = 1.0
-"""Largest distance between points of bounds that are paired with each other."""
+"""Largest distance between paired points of bounds."""
 MIN_STEP_M = 1e-3
-"""Points of a bound that are closer have no direction."""
+"""Closer points of a bound have no direction."""
 MAX_PAIRS = 1_000_000
-"""Most pairs of points that are compared at once; longer lanelets are cut for it."""
+"""Most pairs of points compared at once; longer lanelets are cut for it."""
 MAX_ERROR_M = 0.01
-"""Largest distance between a bound and the border that is made of it."""
+"""Largest distance between a bound and the border made of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class CrossSection:
 
 
 def join_sections(lanelets: Iterable[Lanelet]) -> list[CrossSection]:
-    """Join driven lanelets, and neighbours for cyclists and walkers, that share bounds."""
+    """Join driven lanelets, and neighbours for cyclists and walkers, by shared bounds."""
     driven = [item for item in lanelets if item.is_driven]
     others = [it for item in lanelets if not item.is_driven for it in (item, item.reverse)]
     at_left = _index(driven + others, lambda item: item.left)
@@ -74,7 +74,7 @@ def join_lanes(lanes: Sequence[PlainLane]) -> PlainLane:
 def _index(
     lanelets: Iterable[Lanelet], get_bound: Callable[[Lanelet], Bound]
 ) -> dict[tuple[str, ...], Lanelet]:
-    """Index lanelets by a bound; the first of those that have the same."""
+    """Index lanelets by a bound; of several with the same, the first."""
     found: dict[tuple[str, ...], Lanelet] = {}
     for item in lanelets:
         found.setdefault(get_bound(item).nodes, item)
@@ -119,7 +119,7 @@ def _cut_bound(bound: Bound, begins: float, ends: float) -> Points:
 
 
 def pair_points(left: Points, right: Points) -> NDArray[np.int64]:
-    """Pair the points of two bounds by indices (n, 2), so that squared gaps have the least sum.
+    """Pair the points of two bounds by indices (n, 2) with the least sum of squared gaps.
 
     Dynamic time warping: Sakoe and Chiba, IEEE Transactions on Acoustics 26 (1978).
     """

@@ -22,9 +22,9 @@ class Street:
     """Lanes in one direction, between two nodes.
 
     Attributes:
-        parts: The cross-sections that it consists of.
-        begins: What it begins at: an end of a piece.
-        ends: What it ends at.
+        parts: Its cross-sections.
+        begins: Its begin: an end of a piece.
+        ends: Its end.
     """
 
     parts: tuple[Part, ...]
@@ -50,13 +50,13 @@ class Street:
 
 @dataclass(frozen=True, eq=False)
 class StreetMap:
-    """Streets by edge, and how they meet.
+    """Streets by edge, and their links.
 
     Attributes:
         streets: Streets by the name of their edge.
-        groups: Ends of pieces that are one node.
+        groups: Ends of pieces in one node.
         lanes_at: Names of the first and the last street of each piece.
-        links: Streets in a row whose lanes lead into each other, pairwise.
+        links: Pairs of consecutive streets with linked lanes.
     """
 
     streets: dict[str, Street]
@@ -65,7 +65,7 @@ class StreetMap:
     links: tuple[tuple[str, str], ...]
 
     def find_inner_pieces(self) -> set[PieceKey]:
-        """Find the pieces of short streets that lead back to the junction that they begin at.
+        """Find the pieces of short streets back to the junction at their begin.
 
         They are inside it: the other direction of the street before or behind begins or ends there.
         """
@@ -83,7 +83,7 @@ def build_streets(
     paths: Sequence[LanePath],
     overlaps: Iterable[Overlap],
 ) -> StreetMap:
-    """Join pieces to streets; those that would lead back to where they begin are two."""
+    """Join pieces to streets; a street back to its own begin is split into two."""
     following = _find_continuations(graph, pieces, paths)
     groups = _group_ends(graph, pieces, paths, overlaps)
     preceding = set(following.values())
@@ -115,7 +115,7 @@ def build_streets(
 def _find_continuations(
     graph: LaneGraph, pieces: Sequence[tuple[Piece, ...]], paths: Sequence[LanePath]
 ) -> dict[PieceKey, PieceKey]:
-    """Find the piece behind each that has the same lanes, limits and name."""
+    """Find the piece behind each with the same lanes, limits and name."""
     leaving: dict[PieceKey, list[LanePath]] = defaultdict(list)
     entering: dict[PieceKey, list[LanePath]] = defaultdict(list)
     for path in paths:

@@ -1,6 +1,6 @@
 """Subtypes, participants and speed limits of lanelets, by Lanelet2's tagging documents.
 
-Speed limits that the map leaves to the country are Germany's, the only one that Lanelet2 knows.
+Missing speed limits are Germany's, the only country known to Lanelet2.
 """
 
 import re
@@ -42,7 +42,7 @@ PARTICIPANTS: Mapping[str, LaneUse] = {
     "bicycle": BICYCLE,
     "pedestrian": WALK,
 }
-"""Uses by participant; the first that is allowed decides, pedestrians before bicycles."""
+"""Uses by participant; the first allowed one decides, pedestrians before bicycles."""
 LIMITS_KM_H: Mapping[tuple[str, str], float] = {
     ("road", "nonurban"): 100,
     ("bus_lane", "nonurban"): 100,
@@ -68,7 +68,7 @@ def find_use(tags: Tags) -> LaneUse | None:
     if not overrides or tags.get("subtype") == "crosswalk":
         return USES.get(tags.get("subtype", "road"))
     allowed = [use for key, use in PARTICIPANTS.items() if overrides.get(key) == "yes"]
-    # Ways that cyclists and pedestrians share are walked.
+    # Ways shared by cyclists and pedestrians are walked.
     return WALK if allowed[:1] == [BICYCLE] and WALK in allowed else next(iter(allowed), None)
 
 

@@ -33,8 +33,8 @@ class Street:
     Attributes:
         name: Name of its roads.
         road: Id of its first road.
-        begins: The end of the first stretch that it begins at.
-        ends: The end of the last stretch that it ends at.
+        begins: Its begin: an end of the first stretch.
+        ends: Its end: an end of the last stretch.
         lanes: Its lanes.
         places: Place in `lanes` of every lane of every stretch, by index and id.
     """
@@ -52,7 +52,7 @@ def build_streets(
 ) -> Iterator[Street]:
     """Join stretches, by index, over links that neither add, drop nor change a lane.
 
-    Streets that would lead back to the node where they begin are two.
+    A street back to its own first node is split into two.
     """
     by_end: dict[StretchEnd, list[EndLink]] = {}
     for link in links:
@@ -79,7 +79,7 @@ def build_streets(
             taken.add(after.stretch)
         for index in taken:
             left.pop(index, None)
-        # SUMO has no edge that leads back to where it begins.
+        # SUMO has no edge from a node to itself.
         is_ring = nodes.find(chain[-1].opposite) == nodes.find(chain[0])
         middle = len(chain) // 2 if is_ring else 0
         for part in (chain[:middle], chain[middle:]):

@@ -15,13 +15,13 @@ class PlanGeometry:
     """A piece of a reference line in the plan.
 
     Attributes:
-        begins_m: Station at which it begins.
-        start: Point (x, y) at which it begins.
+        begins_m: Station of its start.
+        start: Its start (x, y).
         heading: Its direction there.
         length_m: Its length.
         shape: `line`, `arc`, `spiral`, `poly3` or `paramPoly3`.
-        values: Curvature of an arc; curvatures of a spiral; coefficients of polynomials, those of
-            u before those of v.
+        values: Curvature of an arc; curvatures of a spiral; coefficients of polynomials, u before
+            v.
         is_normalized: Whether a parametric polynomial runs from 0 to 1.
     """
 
@@ -76,7 +76,7 @@ class RoadLink:
 
 @dataclass(frozen=True)
 class Signal:
-    """A traffic light along a road; `orientation` is that of the traffic that sees it."""
+    """A traffic light along a road; `orientation` is the direction of its traffic."""
 
     station_m: float
     orientation: str
@@ -100,10 +100,10 @@ class CrossSection:
 
 @dataclass(frozen=True)
 class Road:
-    """A road: its reference line, its sections of lanes, and what it is linked to.
+    """A road: its reference line, its sections of lanes, and its links.
 
     Attributes:
-        shape_sign: -1 if the road was mirrored, so that its cross-sections are taken at -t.
+        shape_sign: -1 if the road was mirrored: its cross-sections are taken at -t.
     """
 
     id: str
@@ -127,12 +127,12 @@ class Road:
 
     @property
     def is_loop(self) -> bool:
-        """Whether it leads back to itself, or to the junction that it comes from."""
+        """Whether it leads back to itself, or to the junction at its start."""
         ends = [link.id for link in (self.predecessor, self.successor) if link is not None]
         return self.id in ends or (len(ends) > 1 and ends[0] == ends[1])
 
     def get_link(self, end: Contact) -> RoadLink | None:
-        """Return what it is linked to at an end."""
+        """Return its link at an end."""
         return self.predecessor if end == "start" else self.successor
 
 
@@ -166,7 +166,7 @@ class Header:
 
 @dataclass(frozen=True)
 class OpenDriveMap:
-    """All of a document that is used."""
+    """All used parts of a document."""
 
     header: Header
     roads: dict[str, Road]
@@ -178,7 +178,7 @@ class OpenDriveMap:
 
     @cached_property
     def _dead_ends(self) -> set[str]:
-        """Roads with an end that has no link, and that no connection enters."""
+        """Roads with an end without a link, and without a connection into it."""
         entered = {
             (item.road, item.contact)
             for junction in self.junctions.values()

@@ -1,4 +1,4 @@
-"""Lane types of OpenDRIVE 1.8, and what each becomes."""
+"""Lane types of OpenDRIVE 1.8, and their uses."""
 
 from advercity.roads.lane_uses import (
     CYCLING_SPEED_M_S,

@@ -20,11 +20,11 @@ from advercity.roads.opendrive.reference_line import sample_offset_points
 from advercity.roads.plain_edges import PlainLane
 
 STEP_M = 0.5
-"""Largest distance between stations; points that are not needed are dropped afterwards."""
+"""Largest distance between stations; needless points are dropped afterwards."""
 MIN_LENGTH_M = 0.01
 """Shorter stretches have no direction."""
 MIN_WIDTH_M = 0.05
-"""A lane that is nowhere wider is not there."""
+"""A lane that is nowhere wider is ignored."""
 MAX_WIDTH_M = 60.0
 
 
@@ -36,7 +36,7 @@ class Stretch:
         road: Its road.
         section: Its section of lanes.
         stations_m: (n,) stations of the points of its lanes.
-        ribbons: Its lanes by id, from left to right, without those that leave the ground as it is.
+        ribbons: Its lanes by id, from left to right, without lanes of bare ground.
     """
 
     road: Road
@@ -66,12 +66,12 @@ def build_stretches(road: Road) -> Iterator[Stretch]:
 def _place_ends(road: Road) -> list[float]:
     """Place the stations where sections begin, and the end of the last.
 
-    Sections of some millimetres, which editors leave, link the lanes before and behind them: they
-    grow, so that they have a direction.
+    Editors leave sections of some millimetres, which link the lanes before and behind them: they
+    grow to have a direction.
     """
     begins = [section.begins_m for section in road.sections]
     ends = [*begins[1:], road.length_m]
-    # Of two that begin at one place, the first is void. The last may begin at the end or beyond it,
+    # Of two sections with one begin, the first is void. The last may begin at the end or beyond it,
     # as numbers of a file are rounded and roads end where their geometry does.
     void = [first == last for first, last in pairwise(begins)]
     grown_m = [
@@ -154,7 +154,7 @@ def _compute_outer_edge(lane: Lane, inner_m: Values, along_m: Values, side: floa
 
 
 def _level_lanes(points: Points, section: LaneSection, ids: list[int]) -> None:
-    """Give lanes that are kept level, and those outside them, the height of the inner border."""
+    """Give level lanes, and the lanes outside them, the height of the inner border."""
     middle = sum(lane_id > 0 for lane_id in ids)
     left = [(index, index + 1) for index in range(middle - 1, -1, -1)]
     right = [(index + 1, index) for index in range(middle, len(ids))]

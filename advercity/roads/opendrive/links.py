@@ -13,7 +13,7 @@ from advercity.roads.opendrive.lanes import Stretch
 from advercity.roads.plain_edges import PlainLane
 
 MAX_GAP_M = 0.5
-"""Largest distance between the middles of two lanes that lead into each other without saying so."""
+"""Largest distance between the middles of two lanes that follow each other without a link."""
 
 
 class StretchEnd(NamedTuple):
@@ -30,7 +30,7 @@ class StretchEnd(NamedTuple):
 
 @dataclass(frozen=True)
 class EndLink:
-    """Two ends that meet, and pairs of ids of lanes that continue each other."""
+    """Two ends at one place, and the pairs of ids of their continuing lanes."""
 
     first: StretchEnd
     second: StretchEnd
@@ -74,9 +74,9 @@ class StretchIndex:
                 yield self.link(ends[0], ends[1])
 
     def link(self, first: StretchEnd, second: StretchEnd, *, is_mutual: bool = True) -> EndLink:
-        """Pair the lanes of two ends: as the map has it, else those that touch.
+        """Pair the lanes of two ends: by the map, else by touch.
 
-        Where a link is not mutual, only lanes of the first say what they lead into.
+        If a link is not mutual, only lanes of the first have successors.
         """
         one, other = self.stretches[first.stretch], self.stretches[second.stretch]
         turned = 1 if first.contact != second.contact else -1
@@ -125,7 +125,7 @@ def _end_middle(ribbon: PlainLane, contact: Contact) -> Points:
 
 
 class EndGroups:
-    """Ends that are one place: a node of the network."""
+    """Groups of ends at one place: each is a node of the network."""
 
     def __init__(self) -> None:
         self._parents: dict[object, object] = {}
@@ -142,9 +142,9 @@ class EndGroups:
 
 
 def list_arm_junctions(document: OpenDriveMap, index: StretchIndex) -> Mapping[StretchEnd, str]:
-    """List the ends of roads that lead to a junction, with its id.
+    """List the ends of roads at a junction, with its id.
 
-    A direct junction names the ends that it leads to, which contradicts the links of some roads.
+    A direct junction names its ends, in contradiction to the links of some roads.
     """
     named = {
         (item.road, item.contact): junction.id

@@ -1,4 +1,4 @@
-"""The SUMO network of an OpenDRIVE map, as plain XML that netconvert compiles.
+"""The SUMO network of an OpenDRIVE map, as plain XML for netconvert.
 
 Every street is an edge in each direction. A node where only lanes, limits or names change has no
 right of way and no crossing.
@@ -76,7 +76,7 @@ def build_plain_network(
 
 
 class _Nodes:
-    """Names and writes the nodes that edges begin and end at."""
+    """Names and writes the nodes at the ends of edges."""
 
     def __init__(self, document: OpenDriveMap, topology: MapTopology) -> None:
         self._document = document
@@ -129,7 +129,7 @@ def _build_edges(topology: MapTopology, nodes: _Nodes) -> Element:
 
 
 def _list_paths(topology: MapTopology) -> Iterator[tuple[LaneKey, LaneKey, Points | None]]:
-    """List connections between lanes of edges that are within the extent, and their middles."""
+    """List connections between lanes of edges within the extent, and their middles."""
     paths = [
         (it.origin, it.target, None if it.borders is None else it.borders.mean(axis=0))
         for it in topology.paths
@@ -154,7 +154,7 @@ def _list_path_lines(topology: MapTopology) -> Iterator[tuple[LaneLink, LaneLine
 
 
 def _find_advancing(borders: Points) -> NDArray[np.int64]:
-    """Find the points (indices) of borders (2, n, 3) that are ahead of those before.
+    """Find the points (indices) of borders (2, n, 3) ahead of the points before them.
 
     Lanes beside a reference line with kinks run back and forth.
     """

@@ -1,4 +1,4 @@
-"""Values of an OpenDRIVE document that are left out; the table of the standard has the rest."""
+"""Omitted values of an OpenDRIVE document; the table of the standard has the rest."""
 
 from xml.etree.ElementTree import Element
 
@@ -12,7 +12,7 @@ MAX_EXCESS_M = 0.1
 
 
 def record_omissions(root: Element, ledger: Ledger) -> None:
-    """Record all of a document that is left out, by name."""
+    """Record all omitted parts of a document, by name."""
     load_standard("opendrive").audit(root, ledger)
     for lane in root.iter("lane"):
         _record_lane(lane, ledger)

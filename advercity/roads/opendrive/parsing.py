@@ -1,7 +1,7 @@
 """Parsing of OpenDRIVE documents into records.
 
-Places that the standard does not allow are refused with their line; what is allowed and not taken
-over is left to the table of the standard.
+Elements at places outside the standard are refused with their line. The table of the standard
+covers valid parts without use.
 """
 
 import math
@@ -42,13 +42,13 @@ MAX_VALUE = 1e12
 """Larger numbers are no lengths, and their cubes no numbers."""
 UNIT_M_S = {"m/s": 1.0, "": 1.0, "km/h": 1 / 3.6, "mph": 0.44704}
 UNLIMITED_M_S = 130 / 3.6
-"""Speed where there is no limit: the one that is advised on such motorways."""
+"""Speed without a limit: the advised one on such motorways."""
 LIGHT_TYPES = frozenset(
     ["1000001", *(str(number) for number in range(1_000_007, 1_000_014)), "1000020"]
 )
-"""Types of signals that are lights for vehicles, of the catalogue `OpenDRIVE`."""
+"""Types of signals for vehicles' lights, of the catalogue `OpenDRIVE`."""
 SKIPPED_JUNCTIONS = frozenset(["virtual", "crossing"])
-"""Types of junctions that are left out, with their connecting roads."""
+"""Types of omitted junctions; their connecting roads are left out, too."""
 POLYNOMIAL_NAMES = {
     "poly3": ("a", "b", "c", "d"),
     "paramPoly3": ("aU", "bU", "cU", "dU", "aV", "bV", "cV", "dV"),
@@ -62,7 +62,7 @@ def parse_opendrive(root: Element) -> OpenDriveMap:
     """Parse a document.
 
     Raises:
-        InputError: An element lacks an attribute, or it has a value that is not allowed.
+        InputError: An element lacks an attribute, or it has an invalid value.
     """
     skipped = {
         item.get("id", "")

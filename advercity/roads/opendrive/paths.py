@@ -29,8 +29,8 @@ class JunctionPath:
     Attributes:
         junction: Id of the junction.
         road: Id of the connecting road; empty where the roads touch.
-        origin: The lane that it leaves.
-        target: The lane that it enters.
+        origin: The lane at its start.
+        target: The lane at its end.
         borders: (2, n, 3) its left and right border; None where the roads touch.
     """
 
@@ -98,9 +98,9 @@ class PathFinder:
                     yield JunctionPath(junction.id, connection.road, origin, target, line)
 
     def _find_near(self, connection: Connection) -> StretchEnd | None:
-        """Find the end of a connecting road that the incoming road leads to.
+        """Find the end of a connecting road at the incoming road.
 
-        Links say it where a contact point contradicts them.
+        If a contact point contradicts the links, the links count.
         """
         road = self._document.roads.get(connection.road)
         if road is None:
@@ -116,27 +116,27 @@ class PathFinder:
     def _find_arm(
         self, junction: Junction, connection: Connection, near: StretchEnd
     ) -> StretchEnd | None:
-        """Find the end of the incoming road that leads to the junction."""
+        """Find the end of the incoming road at the junction."""
         link = self._index.stretches[near.stretch].road.get_link(near.contact)
         if link is not None and link.id == connection.incoming_road and not connection.is_direct:
             return self._find_linked(link, junction.id, near)
         return self._find_nearest(self._list_arms(junction.id, connection.incoming_road), near)
 
     def _find_linked(self, link: RoadLink, junction: str, near: StretchEnd) -> StretchEnd | None:
-        """Find the end of a road that an end in a junction is linked to.
+        """Find the end of a road to which an end in a junction is linked.
 
-        Where both ends may be meant, or the contact point contradicts the road, it is the nearest.
+        If both ends are possible, or the contact point contradicts the road, it is the nearest.
         """
         arms = self._list_arms(junction, link.id)
         if len(arms) == 1:
             return arms[0]
-        # The end that is said comes first.
+        # The end named by the link comes first.
         said = self._index.find_end(link.id, link.contact)
         other = self._index.find_end(link.id, "end" if link.contact == "start" else "start")
         return self._find_nearest(arms or [end for end in (said, other) if end], near)
 
     def _list_arms(self, junction: str, road: str) -> list[StretchEnd]:
-        """List the ends of a road that lead to a junction."""
+        """List the ends of a road at a junction."""
         found = self._document.roads.get(road)
         ends = [
             self._index.find_end(road, contact)
@@ -146,7 +146,7 @@ class PathFinder:
         return [end for end in ends if end is not None]
 
     def _find_nearest(self, ends: Sequence[StretchEnd], near: StretchEnd) -> StretchEnd | None:
-        """Find the end that is nearest to another; the first of those at one place."""
+        """Find the end nearest to another; the first of several at one place."""
         places = [np.linalg.norm(self._place(end) - self._place(near)) for end in ends]
         return ends[int(np.argmin(np.floor(places)))] if ends else None
 
@@ -171,7 +171,7 @@ class PathFinder:
                         pending.append(((following, other), lines))
 
     def _list_following(self, end: StretchEnd) -> Iterator[tuple[StretchEnd, LanePairs]]:
-        """List the ends that a connecting road's end touches, and the lanes that go on there."""
+        """List the ends that touch a connecting road's end, and the lanes that go on there."""
         stretch = self._index.stretches[end.stretch]
         if self._index.find_end(stretch.road.id, end.contact) != end:
             step, contact = (1, "start") if end.contact == "end" else (-1, "end")
@@ -182,7 +182,7 @@ class PathFinder:
         if link is None:
             return
         if link.element_type == "junction":
-            # Two junctions touch: the next one says what a lane of this one leads into.
+            # Two junctions touch: the next one defines where a lane of this one leads.
             for connection in self._list_entered(link.id, stretch.road.id):
                 near = self._find_near(connection)
                 if near is not None:
@@ -194,7 +194,7 @@ class PathFinder:
             yield found, self._index.link(end, found, is_mutual=inside).lanes
 
     def _list_entered(self, junction: str, road: str) -> Iterator[Connection]:
-        """List the connections of a junction that a road leads into."""
+        """List the connections of a junction from a road."""
         found = self._document.junctions.get(junction)
         for connection in () if found is None else found.connections:
             if connection.incoming_road == road and not connection.is_direct:

@@ -23,7 +23,7 @@ from advercity.roads.opendrive.document import (
 from advercity.roads.opendrive.profiles import Profile
 
 MIRRORED_VALUES = {"arc": 1, "spiral": 2, "poly3": 4, "paramPoly3": 4}
-"""Number of the last values of a geometry that change their sign when it is mirrored."""
+"""Number of the last values of a geometry whose sign changes in a mirror."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def _is_left_handed(document: OpenDriveMap) -> bool:
 
 
 def _move_map(document: OpenDriveMap, origin_m: Point2) -> OpenDriveMap:
-    """Move a map so that a point of it becomes its origin."""
+    """Move a map's origin to one of its points."""
 
     def move(piece: PlanGeometry) -> PlanGeometry:
         x, y = piece.start

@@ -18,12 +18,12 @@ def plan_opendrive(root: Element, road: Road, declared: MapFile, ledger: Ledger)
 
     Args:
         root: The document.
-        road: The road that it is for.
+        road: The road with the map.
         declared: The map as the road declares it.
-        ledger: Where to record what is left out.
+        ledger: Record of omissions.
 
     Raises:
-        InputError: A value of it is not allowed.
+        InputError: It has an invalid value.
     """
     record_omissions(root, ledger)
     placed = place_map(parse_opendrive(root))

@@ -46,7 +46,7 @@ def differentiate(profile: Profile) -> Profile:
 def evaluate_profile(profile: Profile, at_m: Values) -> Values:
     """Evaluate a profile at distances (n,); 0 before its first polynomial and if it has none."""
     found = np.zeros_like(at_m)
-    # Polynomials that begin at one place replace each other: the last one holds.
+    # Polynomials with one begin replace each other: the last one holds.
     for cubic in profile:
         here = at_m >= cubic.begins_m
         found[here] = evaluate_cubic(cubic.coefficients, at_m[here] - cubic.begins_m)
@@ -56,7 +56,7 @@ def evaluate_profile(profile: Profile, at_m: Values) -> Values:
 def evaluate_piece(profile: Profile, at_m: Values, within_m: float) -> Values:
     """Evaluate at distances (n,) the polynomials that begin up to `within_m`.
 
-    So a stretch that ends where a polynomial begins ends with the value before it.
+    A stretch with its end at a polynomial's begin thus ends with the value before it.
     """
     early = tuple(item for item in profile if item.begins_m <= within_m)
     return evaluate_profile(early or profile[:1], at_m)

@@ -17,7 +17,7 @@ from advercity.roads.opendrive.profiles import (
 QUADRATURE_POINTS = 64
 """Exact to rounding for a spiral of eight turns."""
 ARC_TABLE_STEP_M = 0.02
-"""Step of the table that finds a polynomial's parameter from its arc length."""
+"""Step of the table of a polynomial's parameter by arc length."""
 MAX_TABLE_SIZE = 200_000
 
 

@@ -1,4 +1,4 @@
-"""Edges and nodes of an OpenDRIVE map, and the lanes that lead into each other."""
+"""Edges and nodes of an OpenDRIVE map, and the links between their lanes."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -38,23 +38,23 @@ class DirectedEdge:
 
     @property
     def begins(self) -> StretchEnd:
-        """The end of a stretch that it begins at."""
+        """The stretch end at its begin."""
         return self.street.begins if self.goes_along else self.street.ends
 
     @property
     def ends(self) -> StretchEnd:
-        """The end of a stretch that it ends at."""
+        """The stretch end at its end."""
         return self.street.ends if self.goes_along else self.street.begins
 
 
 @dataclass(frozen=True, eq=False)
 class MapTopology:
-    """What a map's lanes are joined to.
+    """Links of a map's lanes.
 
     Attributes:
         stretches: All stretches, those inside junctions included.
         edges: Edges outside junctions, by id.
-        groups: Ends of stretches that are one node; junctions are in them by their id.
+        groups: Ends of stretches in one node; junctions are in them by their id.
         lanes: Edge and index of every lane of every stretch of these edges.
         links: Links outside junctions.
         paths: Ways through junctions.
@@ -68,7 +68,7 @@ class MapTopology:
     paths: tuple[JunctionPath, ...]
 
     def list_lane_links(self) -> Iterator[tuple[LaneEnd, LaneEnd]]:
-        """List the lanes that lead into each other where streets touch outside junctions."""
+        """List linked lanes where streets touch outside junctions."""
         for link in self.links:
             for one, other in link.lanes:
                 first, second = (link.first, one), (link.second, other)
@@ -132,7 +132,7 @@ def _reaches(street: Street, extent: BaseGeometry) -> bool:
 
 
 def _split_directions(street: Street, number: int) -> Iterator[tuple[str, DirectedEdge]]:
-    """Split a street into edges; a side that nobody may use is beyond the lanes of the other."""
+    """Split a street into edges; a closed side lies beyond the lanes of the other."""
     sides: dict[bool, list[StreetLane]] = {
         along: [lane for lane in street.lanes if lane.goes_along == along]
         for along in (True, False)

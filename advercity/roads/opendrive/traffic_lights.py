@@ -1,4 +1,4 @@
-"""Junctions of an OpenDRIVE map that traffic lights govern."""
+"""Junctions of an OpenDRIVE map with traffic lights."""
 
 from collections.abc import Iterator
 
@@ -8,7 +8,7 @@ MAX_LIGHT_DISTANCE_M = 60.0
 """Distance from a junction within which a light of an incoming road governs it."""
 
 SEEN_FROM: dict[str, tuple[Contact, ...]] = {"+": ("end",), "-": ("start",)}
-"""Ends of a road near which a light stands, by the direction of the traffic that it governs."""
+"""Ends of a road with a light nearby, by the direction of its traffic."""
 
 
 def find_signalled_junctions(document: OpenDriveMap) -> set[str]:
