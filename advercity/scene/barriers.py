@@ -69,7 +69,7 @@ def build_bollards(line: Sequence[Point2], height_m: float | None, site: Site) -
 
 
 def build_power_line(line: Sequence[Point2], height_m: float | None, site: Site) -> list[MeshPart]:
-    """Build wooden poles with a cross-arm along a line, and three wires that sag between them."""
+    """Build wooden poles with a cross-arm along a line, and three sagging wires between them."""
     top = height_m or POWER_POLE_HEIGHT_M
     foot = sample_ground_line(line, POWER_POLE_SPACING_M, site)
     run = np.gradient(foot[:, :2], axis=0)
@@ -103,7 +103,7 @@ def _turn(point: Float64Array, yaw: float) -> Float64Array:
 
 
 def _build_wire(start: Float64Array, end: Float64Array) -> TriangleSurface:
-    """Build a wire that hangs between two points (3,) as a parabola."""
+    """Build a wire between two points (3,), sagging as a parabola."""
     u = np.linspace(0.0, 1.0, 7)[:, None]
     sag = 4 * _SAG * np.linalg.norm(end - start) * u * (1 - u)
     return tube(start + u * (end - start) - sag * (0.0, 0.0, 1.0), 0.012, sides=3)

@@ -126,11 +126,11 @@ def build_houses(
 def _build_on_lots(
     lots: Sequence[Lot], site: Site, draw_building: Callable[[Lot], Callable[[], SurfaceMaterials]]
 ) -> tuple[list[MeshPart], list[Lot]]:
-    """Build on all lots that are free, and return these lots."""
+    """Build on all free lots, and return these lots."""
     parts: list[MeshPart] = []
     built: list[Lot] = []
     for lot in lots:
-        # Drawn for blocked lots, too, so that one of them does not change the buildings after it.
+        # Drawn for blocked lots, too: otherwise one of them would change the buildings after it.
         build = draw_building(lot)
         if _is_buildable(lot, site, built):
             parts += _place_on_lot(build(), lot, site)

@@ -1,6 +1,6 @@
-"""Builds fields: crops and tilled earth as sheets in rows, with single plants where they are seen.
+"""Builds fields: crops and tilled earth as sheets in rows, with single plants at their edges.
 
-The sheet is what plants look like from above. At its border they stand one by one before the shade
+The sheet shows plants from above. At its border they stand one by one before the shade
 between them, and near streets their ears rise from it.
 """
 
@@ -27,15 +27,15 @@ SPARSE_RATIO = 0.35
 EARS_PER_TOP = 30
 """Ears about every point of a ridge."""
 FURROW_HEIGHT_M, FURROW_RATIO = 0.28, 0.45
-"""Height of ridges of tilled earth, and that of the furrows over it."""
+"""Height of ridges of tilled earth, and height of the furrows over it."""
 MAIZE_HEIGHT_M = 1.4
 """Crops from this height on have broad leaves and gaps between their rows."""
 _ROW_SPACING_M, _ALONG_ROW_STEP_M = 1.3, 3.0
 _TRAMLINE_PERIOD, _TRAMLINES = 36, (10, 13)
-"""Points across a field from one pass of the tractor to the next, and those where its wheels go."""
+"""Points across a field from one pass of the tractor to the next, and points under its wheels."""
 _TRACK_RATIO, _BORDER_RATIO, _TOP_RATIO = 0.25, 0.62, 0.84
-"""Height of the sheet in the tracks of wheels, next to its border, and elsewhere, over that of
-plants: at the border single ones rise from it."""
+"""Height of the sheet over the height of plants: in the tracks of wheels, next to its border, and
+elsewhere. At the border single plants rise from it."""
 _BORDER_M, _SINK_M = 0.3, 0.05
 """How far the border of a sheet goes outwards where it falls, and how far below the ground."""
 
@@ -66,7 +66,7 @@ def sample_rows(band: StreetSide | Rectangle) -> Float64Array:
 def build_crops(rows: Float64Array, height_m: float | None, site: Site, key: str) -> list[MeshPart]:
     """Build a field of plants; they have a usual height without one.
 
-    Points are (n, m, 2), n along the rows and m across. The season decides what is left of them.
+    Points are (n, m, 2), n along the rows and m across. The season decides their state.
     """
     crop = find_crop(site.season, height_m)
     plant = _MAIZE if crop.height_m >= MAIZE_HEIGHT_M else _CEREAL
@@ -116,7 +116,7 @@ def find_free_cells(rows: Float64Array, free: NDArray[np.bool_]) -> NDArray[np.b
 
 
 def find_border_points(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Find the grid points that are not surrounded by cells of the field."""
+    """Find the grid points not surrounded by cells of the field."""
     padded = np.pad(cells, 1)
     return ~(padded[:-1, :-1] & padded[1:, :-1] & padded[:-1, 1:] & padded[1:, 1:])
 
@@ -132,7 +132,7 @@ def _find_sheet_cells(rows: Float64Array, site: Site) -> NDArray[np.bool_]:
 
 
 def _draw_canopy(rows: Float64Array, row_ratio: float, draw: np.random.Generator) -> Float64Array:
-    """Draw the height (n, m) of a canopy around 1: rows, and what wind and soil make of them."""
+    """Draw the height (n, m) of a canopy around 1: rows, and effects of wind and soil."""
     x, y = np.moveaxis(rows, -1, 0)
     waves = np.sin(x / 5.3 + 1.7 * np.sin(y / 11.0)) + np.sin(y / 3.9 + 1.3 * np.sin(x / 8.0))
     ridge = np.where(np.arange(rows.shape[1]) % 2, 1.0, row_ratio)
@@ -159,7 +159,7 @@ def _place_sheet(
 
 
 def _draw_in_border(rows: Float64Array, inside: NDArray[np.bool_]) -> Float64Array:
-    """Move the points around those inside to within `_BORDER_M` of them."""
+    """Move the points around the inner ones to within `_BORDER_M` of them."""
     padded, known = np.pad(rows, ((1, 1), (1, 1), (0, 0))), np.pad(inside, 1)
     total, count = np.zeros_like(rows), np.zeros(inside.shape)
     for i, j in product(range(3), range(3)):
@@ -273,7 +273,7 @@ def _build_ears(tops: Float64Array, plant: _Plant, crop: Crop, key: str) -> Tria
 def _build_blades(
     roots: Float64Array, tips: Float64Array, width_m: float, draw: np.random.Generator
 ) -> TriangleSurface:
-    """Build a triangle from each root (n, 3) to its tip, with normals as of what surrounds it."""
+    """Build a triangle from each root (n, 3) to its tip, with normals near the vertical."""
     yaw = draw.uniform(0.0, 2.0 * np.pi, len(roots))
     side = 0.5 * width_m * np.column_stack([np.cos(yaw), np.sin(yaw), np.zeros(len(roots))])
     corners = np.stack([roots - side, roots + side, tips], axis=1).reshape(-1, 3)
@@ -283,7 +283,7 @@ def _build_blades(
 
 
 def _join_blades(parts: list[TriangleSurface]) -> TriangleSurface:
-    """Join blades so that those of one plant follow each other, and thinning out is even."""
+    """Join blades plant by plant, so thinning out is even."""
     corners, normals = (
         np.stack([values.reshape(-1, 3, 3) for values in group], axis=1).reshape(-1, 3)
         for group in (

@@ -1,8 +1,8 @@
-"""Decks of bridges: what carries paving over other paving, and what is beside and below it.
+"""Decks of bridges: paving over other paving, with the parts beside and below it.
 
 A deck spans the lower street with its sidewalks and a margin. It is a slab with an underside,
-parapets along its edges, and an abutment at either end, before which the ground is that of the
-lower street. Beyond the abutments the upper street lies on the ground, which is filled up to it.
+parapets along its edges, and an abutment at either end; between the abutments the ground belongs to
+the lower street. Beyond them the upper street lies on the ground, which is filled up to it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,16 +35,16 @@ TOP_GAP_M = 0.03
 """Distance of the slab's top below the paving, which would flicker otherwise."""
 FACET_M = 2.0
 JOINED_M = 1.0
-"""Distance of crossings of lanes that belong to one deck."""
+"""Distance of crossings of lanes on one deck."""
 
 
 @dataclass(frozen=True, eq=False)
 class Deck:
-    """What carries lanes over others.
+    """A structure carrying lanes over others.
 
     Attributes:
-        carried: Plan of the paving that it carries.
-        opening: Plan that is free below it, and beside it.
+        carried: Plan of its paving.
+        opening: Plan of the free space below it, and beside it.
         under: Plan of the lower paving near it.
         heights: Height of the upper lanes.
         slab_m: Thickness of the slab.
@@ -72,7 +72,7 @@ class Deck:
         return shapely.intersection(*wide, grid_size=GRID_M)
 
     def shift(self, by_m: float) -> Heights:
-        """Return the heights that are so far above the upper lanes."""
+        """Return the heights shifted up from the upper lanes."""
         return lambda points: self.heights.height_at(points) + by_m
 
     def build(self, ground: Heights) -> Iterator[TriangleSurface]:
@@ -87,7 +87,7 @@ class Deck:
 
 
 def find_decks(lanes: Sequence[LaneSegment]) -> tuple[Deck, ...]:
-    """Find the decks of all lanes that lead over others."""
+    """Find the decks of all lanes over others."""
     bands = LaneBands.from_borders([(lane.left, lane.right) for lane in lanes])
     found = find_overpasses(bands)
     labels = _join_crossings(found)
@@ -111,7 +111,7 @@ def find_cuttings(decks: Sequence[Deck]) -> tuple[Cutting, ...]:
 
 
 def cut_ground_edges(edges: Sequence[Points], decks: Sequence[Deck]) -> list[Points]:
-    """Cut paved edges (n, 3) of decks out of those that the ground is level with."""
+    """Remove edges (n, 3) on decks from the paved edges for levelling the ground."""
     for deck in decks:
         edges = [part for edge in edges for part in _cut_edge(edge, deck)]
     return list(edges)
@@ -126,7 +126,7 @@ def find_paved_ground(paved_area: BaseGeometry, decks: Sequence[Deck]) -> BaseGe
 
 
 def _join_crossings(found: Overpasses) -> NDArray[np.intp]:
-    """Label crossings (k,) of lanes; those that touch at one level have the same label."""
+    """Label crossings (k,) of lanes; touching ones at one level have the same label."""
     labels = np.arange(len(found.areas))
     if not len(labels):
         return labels
@@ -159,7 +159,7 @@ def _build_deck(bands: LaneBands, found: Overpasses, is_own: NDArray[np.bool_]) 
 
 
 def _cut_edge(edge: Points, deck: Deck) -> list[Points]:
-    """Cut the part of an edge that is on a deck out of it."""
+    """Cut the part on a deck out of an edge."""
     line = shapely.LineString(edge)
     if not shapely.intersects(line, deck.plan):
         return [edge]

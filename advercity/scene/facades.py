@@ -1,7 +1,7 @@
-"""Builds façades: walls with openings, and what is in and about these.
+"""Builds façades: walls with openings, and the parts in and around these.
 
 A façade is built in its own axes: x along it, z up, its face at y = 0 towards -y. Storeys lie above
-each other, each a row of equal bays, so that a wall is made of strips between openings and needs no
+each other, each a row of equal bays, so a wall is made of strips between openings and needs no
 cutting. Panes close the openings; behind them are blinds, curtains and the far wall of the rooms,
 where laser beams end. Cameras see other rooms behind panes, with the same blinds and curtains.
 """
@@ -46,12 +46,12 @@ SHUTTER_FRACTION = 0.34
 """Width of a shutter as a fraction of the window's."""
 _LIGHT_ACCENTS = ("cloth_yellow",)
 LOWERED_STEPS = 2, 7
-"""Least steps that blinds are lowered, and one more than the most."""
+"""Least steps of a lowered blind, and one more than the most."""
 LIT_ROOM_FRACTION, LIT_SHOP_FRACTION, COOL_FRACTION = 0.35, 0.7, 0.3
-"""Fractions of rooms and shops that are lit by night, and of rooms with lamps of cool white:
-assumptions for an evening."""
+"""Fractions of rooms and shops lit by night, and of rooms with lamps of cool white: assumptions for
+an evening."""
 CURTAINED_FRACTION = 0.4
-"""Fraction of windows without a blind that have a curtain at either side."""
+"""Fraction of windows without a blind but with a curtain at either side."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Storey:
         width_m: Width of an opening.
         sill_m: Height of its lower edge above the strip's.
         opening_m: Height of an opening.
-        door_at: Number of the opening that is a door down to the strip's lower edge, or None.
+        door_at: Number of the opening with a door down to the strip's lower edge, or None.
         has_balconies: Whether openings lead to balconies.
         is_shop: Whether it has undivided panes, and a sign above them.
         gate_m: Width and height of a gate instead of the door, or None.
@@ -248,7 +248,7 @@ def _fill_windows(
 def _draw_covers(
     count: int, storey: Storey, style: FacadeStyle, draw: np.random.Generator
 ) -> NDArray[np.int64]:
-    """Draw what is behind each pane, of the codes of `scene.rooms`; nothing in shops."""
+    """Draw the cover of each pane, in the codes of `scene.rooms`; none in shops."""
     blinds = code_blinds(draw.integers(*LOWERED_STEPS, count))
     curtains = np.where(draw.random(count) < CURTAINED_FRACTION, CURTAINS, NO_COVER)
     covers = np.where(draw.random(count) < style.blind_fraction, blinds, curtains)
@@ -382,7 +382,7 @@ def _fill_doors(
     style: FacadeStyle,
     draw: np.random.Generator,
 ) -> SurfaceMaterials:
-    """Fill openings with a gate, or a door that has a canopy, and steps where there is a plinth."""
+    """Fill openings with a gate, or a door with a canopy, and steps if there is a plinth."""
     width = storey.door_width_m
     if storey.gate_m:
         gate = rectangles(centres, (width / 2, 0, 0), half)
@@ -434,7 +434,7 @@ def _build_glass_doors(
 
 
 def _build_gate_ribs(centres: Float64Array, half: Float64Array, width_m: float) -> TriangleSurface:
-    """Build the ribs between the panels of gates that are rolled up."""
+    """Build the ribs between the panels of rolling gates."""
     ribs = [
         box((x - width_m / 2, y - 0.03, z + at), (x + width_m / 2, y, z + at + 0.06))
         for (x, y, z), (*_, rise) in zip(centres, half, strict=True)
@@ -444,5 +444,5 @@ def _build_gate_ribs(centres: Float64Array, half: Float64Array, width_m: float) 
 
 
 def _build_band(width_m: float, height_m: float, rise_m: float) -> TriangleSurface:
-    """Build a band that projects from the wall, below a height."""
+    """Build a band projecting from the wall, below a height."""
     return box((-width_m / 2, -0.06, height_m - rise_m), (width_m / 2, 0.0, height_m))

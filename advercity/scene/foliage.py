@@ -1,7 +1,7 @@
 """Builds leaves: triangles from stalk to tip with a belly, along twigs or strewn over a surface.
 
-A leaf is one triangle without cut-outs, so that rays, labels and images see the same gaps. It
-represents some leaves of a twig where it is larger than one.
+A leaf is one triangle without cut-outs, so rays, labels and images see the same gaps. A leaf
+larger than real ones represents some leaves of a twig.
 """
 
 from dataclasses import replace
@@ -13,7 +13,7 @@ from advercity.geometry.mesh import MeshPart, TriangleSurface, normalize, xyz
 from advercity.semantics import Semantic
 
 WIDTH_RATIO, BELLY_RATIO = 0.55, 0.45
-"""Width of a leaf over its length, and where along it that is: half a leaf, as if folded."""
+"""Width of a leaf over its length, and the widest place along it: half a leaf, as if folded."""
 COVERAGE = 0.55
 """Area of the leaves on a surface over its own."""
 HEDGE_LEAF_M = 0.18
@@ -30,7 +30,7 @@ def build_leaves(
 ) -> TriangleSurface:
     """Build a leaf at each of some points (n, 3), about along a direction and facing another.
 
-    Normals are between that of the leaf and that of the crown: light falls on the crown as a whole,
+    Normals are between the leaf's and the crown's: light falls on the crown as a whole,
     and leaves glitter on it.
     """
     facing = normalize(outward + draw.normal(scale=0.45, size=roots.shape) + xyz(z=0.3))
@@ -45,7 +45,7 @@ def build_leaves(
 
 
 def roughen(surface: TriangleSurface, draw: np.random.Generator) -> TriangleSurface:
-    """Turn the normals of a crown at random, so that light falls on it as on many branches."""
+    """Turn the normals of a crown at random: light falls on it as on many branches."""
     assert surface.normals is not None
     turned = surface.normals + draw.normal(scale=UNEVENNESS, size=surface.normals.shape)
     return replace(surface, normals=normalize(turned))
@@ -57,7 +57,7 @@ def build_foliage(
     draw: np.random.Generator,
     coverage: float = COVERAGE,
 ) -> list[MeshPart]:
-    """Build the dense inside of a shrub or a wood, and leaves that lie on it."""
+    """Build the dense inside of a shrub or a wood, and leaves on it."""
     leaves = strew_leaves(surface, length_m, draw, coverage)
     return [
         MeshPart(surface, "inner_leaves", Semantic.VEGETATION),
@@ -68,7 +68,7 @@ def build_foliage(
 def strew_leaves(
     surface: TriangleSurface, length_m: float, draw: np.random.Generator, coverage: float
 ) -> TriangleSurface:
-    """Build leaves of a length that lie on a surface, of a total area relative to its own."""
+    """Build leaves of a length on a surface, of a total area relative to its own."""
     a, b, c = (surface.vertices[surface.triangles[:, corner]] for corner in range(3))
     across = np.cross(b - a, c - a)
     area = np.linalg.norm(across, axis=1) / 2.0

@@ -40,7 +40,7 @@ HOUSE_HEIGHT_RANGE_M, BLOCK_HEIGHT_RANGE_M = (5.5, 8.0), (6.5, 15.0)
 MIN_WINDOWED_M = 2.2
 MAX_WINDOWED_DISTANCE_M = 45.0
 MIN_STOREY_M = 2.0
-"""Shorter and lower sides, and those that are further from streets, have no windows."""
+"""Shorter and lower sides, and sides further from streets, have no windows."""
 SIMPLIFY_M, MIN_AREA_M2 = 0.25, 4.0
 HALL_WALLS = ("cladding", "plaster_grey", "concrete")
 HALL_ROOFS, HALL_SLOPE = ("cladding",), 0.25
@@ -54,19 +54,19 @@ MAX_RUN_FRACTION = 0.95
 """How far hips reach inwards, of the way to the middle."""
 FASCIA_M = 0.2
 MAX_ROOF_FRACTION = 0.45
-"""Greatest part of a building's height that is roof."""
+"""Greatest part of the roof in a building's height."""
 MIN_EAVES_M = 2.3
 ROOM_DEPTHS_M = (3.0, 1.0)
 MIN_RECTANGULARITY = 0.92
-"""Fraction of its smallest rectangle that a footprint fills to have a gable."""
+"""Least ratio of a footprint with a gable to its smallest rectangle, by area."""
 
 
 @dataclass(frozen=True)
 class _BuildingType:
-    """What the buildings of a use have in common.
+    """Common properties of the buildings of a use.
 
     Attributes:
-        height_range_m: Height of those whose map has none.
+        height_range_m: Height of buildings without one in the map.
         walls: Materials of which their walls are drawn.
         roofs: Materials of which their pitched roofs are drawn.
         slope: Rise over run of these, where the height of the building allows it.
@@ -94,7 +94,7 @@ _HALL = _BuildingType((5.0, 9.0), HALL_WALLS, HALL_ROOFS, HALL_SLOPE, is_hall=Tr
 
 
 def build_on_footprint(declared: Surrounding, site: Site, key: str) -> list[MeshPart]:
-    """Build a building within its outline, without what overlaps reserved ground."""
+    """Build a building within its outline, except on reserved ground."""
     outline = shapely.make_valid(shapely.Polygon(declared.line_m))
     free = shapely.difference(outline, site.reserved_area)
     parts: list[MeshPart] = []
@@ -313,7 +313,7 @@ def _exterior(polygon: shapely.Polygon) -> Float64Array:
 
 
 def _build_deck(area: BaseGeometry, z_m: float) -> list[TriangleSurface]:
-    """Build level areas that are seen from above."""
+    """Build level areas visible from above."""
     found = [triangulate_polygon(polygon) for polygon in extract_polygons(area)]
     return [
         TriangleSurface(np.column_stack([corners, np.full(len(corners), z_m)]), triangles)
@@ -322,6 +322,6 @@ def _build_deck(area: BaseGeometry, z_m: float) -> list[TriangleSurface]:
 
 
 def _build_band(line: Float64Array, bottom_m: float, top_m: float) -> TriangleSurface:
-    """Build an upright band along a line (n, 2) that is seen from its right."""
+    """Build an upright band along a line (n, 2), visible from its right."""
     low, high = (np.column_stack([line, np.full(len(line), z)]) for z in (bottom_m, top_m))
     return build_ribbon(high, low)

@@ -34,7 +34,7 @@ def build_furniture(
     Args:
         sides: Sides of the street.
         density: Pieces of each kind in 100 m.
-        obstacles: Walls, masts and whatever else keeps furniture off besides reserved ground.
+        obstacles: Walls, masts and other obstacles besides reserved ground.
         site: Ground.
         key: Key of the random draws.
     """

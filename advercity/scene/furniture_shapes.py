@@ -24,7 +24,7 @@ STAND_OCCUPANCY = 0.6
 """Fraction of the hoops of a stand with a bicycle; an assumption."""
 _HOOPS_Y_M = np.linspace(-1.6, 1.6, 5)
 _LEAN_M = 0.12
-"""Distance of a bicycle from the hoop that it is locked to."""
+"""Distance of a bicycle from its hoop."""
 _BOARD_M, _FIELD_M, _BOARD_HALF_M = 0.25, 0.5, 0.012
 """Height of the boards of a barrier, length of their red and white fields, half their thickness."""
 _WORDS = (
@@ -164,7 +164,7 @@ def _build_barrier(
 ) -> tuple[TriangleSurface, TriangleSurface, TriangleSurface]:
     """Build the red and the white fields of a board between two points, and its feet."""
     length_m = float(np.hypot(*np.subtract(end, start)))
-    # An odd number of fields, so that both ends are red.
+    # An odd number of fields: both ends are red.
     count = 2 * round(length_m / _FIELD_M / 2) + 1
     places = np.linspace(start, end, count + 1)
     along = np.subtract(end, start) / length_m

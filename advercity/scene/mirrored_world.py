@@ -1,4 +1,4 @@
-"""Mirrors the world of the plan frame into that of a left-hand road."""
+"""Mirrors the world of the plan frame to a left-hand road."""
 
 from dataclasses import replace
 

@@ -36,7 +36,7 @@ FIRST_PARKED_CAR = 1_000_001
 
 
 def find_parked_cars(spec: Spec) -> tuple[ActorState, ...]:
-    """Find the cars and vans that are parked on the road of a spec, in its world."""
+    """Find the cars and vans parked on the road of a spec, in its world."""
     plan = to_plan_spec(spec)
     parked = place_parked_cars(build_road(plan.road), plan.blueprints, plan.conflicts)
     return tuple(map(mirror_at_rest, parked)) if spec.road.is_left_hand else parked
@@ -47,7 +47,7 @@ def place_parked_cars(
     blueprints: Mapping[str, Blueprint],
     conflicts: Sequence[StagedConflict] = (),
 ) -> tuple[ActorState, ...]:
-    """Place the cars and vans that are parked on a road, at rest and with all lamps off.
+    """Place the cars and vans parked on a road, at rest and with all lamps off.
 
     Spaces on the path of a staged actor stay empty; all other cars are the same as without it.
     """

@@ -44,7 +44,7 @@ _WALL_PIECE_M, _FENCE_BAY_M, _HEDGE_STEP_M = 8.0, 2.6, 1.6
 _WATER_STEP_M, _WATER_RISE_M = 8.0, 0.08
 _PAVED_STEP_M, _PAVED_RISE_M, _PAVED_OVERLAP_M = 6.0, 0.015, 0.15
 _SPIKE_M = 0.3
-"""Height of the thin top of a tower: thin, so that it does not block the view of its sensors."""
+"""Height of the top of a tower: thin, so it does not block the view of its sensors."""
 
 
 def build_wall(line: Sequence[Point2], height_m: float | None, site: Site) -> list[MeshPart]:

@@ -1,6 +1,6 @@
-"""Builds what is on pitched roofs: gutters, dormers and chimneys.
+"""Builds details of pitched roofs: gutters, dormers and chimneys.
 
-Axes are those of the building, with the ridge along x; walls are half the size (x, y).
+Axes are the building's, with the ridge along x; walls are half the size (x, y).
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ ROOF_THICKNESS_M = 0.22
 _GUTTER_M = 0.11
 _DORMER_HALF_M, _DORMER_RISE_M = 0.75, 1.25
 _DORMER_AT = 0.72
-"""Distance of a dormer's face from the ridge, as a fraction of that of the wall."""
+"""Distance of a dormer's face from the ridge, as a fraction of the wall's distance."""
 
 Surfaces = list[tuple[TriangleSurface, str]]
 

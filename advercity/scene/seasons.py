@@ -1,4 +1,4 @@
-"""What the season makes of plants: which leaves are left, their colours, and what fields bear.
+"""Effects of the season on plants: remaining leaves, their colours, and crops on fields.
 
 The fractions are assumptions, as of late October and of January in Central Europe.
 """
@@ -15,11 +15,11 @@ from advercity.geometry.mesh import Mesh, TriangleSurface
 from advercity.randomness import create_generator
 
 LeafFractions = Mapping[str, float]
-"""Fractions of the leaves by the material that they have in a season; the rest has fallen."""
+"""Fractions of the leaves by their material in a season; the rest has fallen."""
 _Leaves = TypeVar("_Leaves", Mesh, TriangleSurface)
 
 _GREEN: LeafFractions = {"leaves": 1.0}
-# Trees have no green leaves in autumn: those that are green are of shrubs, by which they are told.
+# Trees have no green leaves in autumn: any green ones then belong to shrubs.
 _TREE_LEAVES: Mapping[Season, Mapping[Species, LeafFractions]] = {
     Season.SUMMER: dict.fromkeys(Species, _GREEN),
     Season.AUTUMN: {
@@ -42,12 +42,12 @@ CROP_HEIGHT_M = 0.8
 
 @dataclass(frozen=True)
 class Crop:
-    """What stands on a field of crops.
+    """The state of a field of crops.
 
     Attributes:
         material: Material of the field from above.
         height_m: Height of its plants.
-        shade: Material of what is seen between plants from aside.
+        shade: Material visible between plants from aside.
         stalks: Material of single plants.
         ears: Material of their tips.
         has_ears: Whether they bear leaves and ears.
@@ -75,11 +75,11 @@ _RECOLOURED: Mapping[Season, Mapping[str, str]] = {
         "grass_blades": "grass_blades_dull",
     },
 }
-"""Other materials of plants, and what they become."""
+"""Other materials of plants, and their replacements."""
 
 
 def find_crop(season: Season, grown_m: float | None) -> Crop:
-    """Find what a field bears in a season; grown crops have the height declared, or a usual one."""
+    """Find the crop of a field in a season; grown crops have the declared or a usual height."""
     return _LOW_CROPS.get(season) or Crop(
         "crops", grown_m or CROP_HEIGHT_M, "crop_shade", "crop_stalks", "crop_ears", has_ears=True
     )
@@ -88,7 +88,7 @@ def find_crop(season: Season, grown_m: float | None) -> Crop:
 def select_tree_leaves(
     leaves: TriangleSurface, species: Species, season: Season
 ) -> list[tuple[TriangleSurface, str]]:
-    """Select the leaves of a tree that a season leaves, a triangle each, by their materials."""
+    """Select the remaining leaves of a tree in a season, a triangle each, by their materials."""
     fractions = _TREE_LEAVES[season].get(species, {})
     return list(_select_leaves(leaves, fractions, f"{species}/{season}"))
 

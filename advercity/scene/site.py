@@ -1,4 +1,4 @@
-"""Locates ground for objects off the road: sides of streets, rectangles, and what is free there."""
+"""Locates ground for objects off the road: sides of streets, rectangles, and free parts of them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from advercity.geometry.polyline import left_normals, unit_vectors
 from advercity.roads.streets import StreetLayout, StripLayout
 
 FOLD_TOLERANCE_M = 0.3
-"""Deviation of a point's distance to the axis from its offset that is accepted. On the inside of a
+"""Accepted deviation of a point's distance to the axis from its offset. On the inside of a
 bend, points whose offsets go beyond its centre are back at the street."""
 
 
@@ -72,12 +72,12 @@ class StreetSide:
         return np.stack([x, y], axis=-1) + (self._outer_edge_m + offset)[..., None] * outward
 
     def yaw(self, along_m: float) -> float:
-        """Compute the heading in radians that has the street on the right."""
+        """Compute the heading in radians with the street on the right."""
         heading = float(self._heading(np.array(along_m + self.start_m)))
         return heading if self.sign > 0 else heading + np.pi
 
     def offset_line(self, offset_m: float) -> Float64Array:
-        """Compute the line (n, 2) at an offset, without points that a bend folds back."""
+        """Compute the line (n, 2) at an offset, without points folded back by a bend."""
         inner = self.street.stations - self.start_m
         inner = inner[(inner > 0.01) & (inner < self.length_m - 0.01)]
         points = self.points_at(np.concatenate([[0.0], inner, [self.length_m]]), offset_m)
@@ -86,7 +86,7 @@ class StreetSide:
     def space_points(self, spacing_m: float, offset_m: float) -> Float64Array:
         """Compute points (n, 2) at a spacing along the band.
 
-        On the right they begin after half a spacing, so that both sides alternate.
+        On the right they begin after half a spacing, so both sides alternate.
         """
         start = 0.0 if self.sign > 0 else spacing_m / 2
         points = self.points_at(np.arange(start, self.length_m + 1e-6, spacing_m), offset_m)
@@ -147,7 +147,7 @@ class Rectangle:
 def resolve_street_sides(
     beside: RoadsidePlacement, streets: Mapping[str, StreetLayout]
 ) -> list[StreetSide]:
-    """Find the sides of a street that a declaration names; InputError if the street is shorter."""
+    """Find the sides of a declaration's street; InputError if the street is shorter."""
     street = streets[beside.street]
     length = float(street.stations[-1])
     if beside.from_m >= length:
@@ -166,7 +166,7 @@ GroundHeight = Callable[[Float64Array], Float64Array]
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """Ground off the road, and the part of it that must stay free.
+    """Ground off the road, and its reserved part.
 
     Attributes:
         ground_height: Height of the ground.

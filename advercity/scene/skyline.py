@@ -1,4 +1,4 @@
-"""Builds towns that are seen from afar: blocks with bands of windows, and roofs."""
+"""Builds distant towns: blocks with bands of windows, and roofs."""
 
 from collections.abc import Iterator
 

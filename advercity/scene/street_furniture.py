@@ -1,4 +1,4 @@
-"""Builds what controls traffic: its lights and signs, and masts of roadside units."""
+"""Builds traffic lights and signs, and masts of roadside units."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -78,7 +78,7 @@ def _lower_head(unit: RoadsideUnit, head: TrafficLight) -> TrafficLight:
 
 
 def _build_stub(unit: RoadsideUnit, head: TrafficLight) -> MeshPart:
-    """Build the tube that holds a unit above a signal's arm."""
+    """Build the tube holding a unit above a signal's arm."""
     x, y, z = unit.position_m
     foot = np.asarray(head.position_m) - (0.0, 0.0, _ARM_DROP_M)
     bend = np.array([x, y, foot[2] + 0.15])
@@ -94,7 +94,7 @@ def _locate_signal_lamp(head: TrafficLight) -> SignalLamp:
 
 
 def _build_mast_light(head: TrafficLight, ground_m: float) -> list[MeshPart]:
-    """Build a mast with an arm, and a head on it that faces its traffic."""
+    """Build a mast with an arm, and a head on it facing its traffic."""
     tip = np.asarray(head.position_m) - (0.0, 0.0, _ARM_DROP_M)
     foot = np.array([*head.mast_foot_m, ground_m])
     top = np.array([*head.mast_foot_m, tip[2]])
@@ -106,7 +106,7 @@ def _build_mast_light(head: TrafficLight, ground_m: float) -> list[MeshPart]:
 
 
 def _build_pedestrian_light(head: TrafficLight, ground_m: float) -> list[MeshPart]:
-    """Build a post with a head on it, and a box with the button that asks for green."""
+    """Build a post with a head on it, and a box with the button for requesting green."""
     x, y, top_m = head.position_m
     post = tube([(x, y, ground_m - 0.3), (x, y, top_m)], 0.05)
     shape = SIGNAL_HEADS["pedestrians"]

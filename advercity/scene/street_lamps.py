@@ -1,4 +1,4 @@
-"""Builds street lamps of the types that towns, squares, country roads and fast roads have."""
+"""Builds the street lamps of towns, squares, country roads and fast roads."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class _Lamp:
 
 
 def choose_lamp_type(land_use: str, speed_limit_m_s: float) -> LampType:
-    """Choose the type of lamp that a street of a limit has in a land use."""
+    """Choose the type of lamp on a street by its speed limit and land use."""
     if speed_limit_m_s * KM_H_PER_M_S >= FAST_KM_H:
         return "column"
     return "wooden_pole" if land_use == "rural" else "arm"
@@ -102,7 +102,7 @@ def _build_lantern(top: float) -> list[_Piece]:
 
 
 def _build_wooden_pole(top: float) -> list[_Piece]:
-    """Build a dish on a bracket that a strut holds, on a pole of wood."""
+    """Build a dish on a bracket with a strut, on a pole of wood."""
     pole = tube([(0, 0, -0.3), (0, 0, top + 0.7)], [0.14, 0.10])
     bracket = tube([(0.05, 0, top - 0.05), (0.7, 0, top + 0.12), (_ARM_M, 0, top + 0.06)], 0.025)
     strut = tube([(0.05, 0, top - 0.5), (0.7, 0, top + 0.1)], 0.015, sides=6)

@@ -44,7 +44,7 @@ SENSOR_CLEARANCE_M = 6.0
 LINE_CLEARANCE_M = 0.2
 """Distance of fences, hedges and walls along a street from paving, so side streets stay open."""
 LINE_WIDTH_M, MAST_RADIUS_M, SHELTER_RADIUS_M, SIGN_RADIUS_M = 0.4, 0.2, 2.8, 0.5
-"""Extents of what street furniture keeps off."""
+"""Extents without street furniture."""
 _SIGN_KINDS = (SurroundingKind.SPEED_SIGN, SurroundingKind.SIGN)
 _BUILDING_KINDS = (SurroundingKind.BUILDINGS, SurroundingKind.HOUSES)
 _OUTLINED_KINDS = (
@@ -87,7 +87,7 @@ def build_surroundings(
 ) -> tuple[list[Mesh], list[StreetLamp], Site]:
     """Build meshes of the surroundings, one per material and class, and the lights among them.
 
-    The site that is returned is the ground that buildings, drives and water leave.
+    The returned site is the ground left by buildings, drives and water.
 
     The road's id and the order of its surroundings are keys of all random draws. Nothing grows or
     is built on the paved area; masts and shelters are where they are declared.
@@ -102,8 +102,7 @@ def build_surroundings(
     items = [_PlacedSurrounding(network, number, item) for number, item in enumerate(declared)]
     parts: list[MeshPart] = []
     lamps: list[StreetLamp] = []
-    # Buildings take their ground first, those with outlines before others, so that nothing grows
-    # into them.
+    # Buildings take their ground first, outlined ones before others: nothing may grow into them.
     outlined = [item for item in items if item.kind in _BUILDING_KINDS and item.outline]
     for item in outlined:
         parts += _build_on_outline(item, site)
@@ -148,7 +147,7 @@ def _find_sensor_clearances(network: RoadNetwork) -> list[BaseGeometry]:
 
 
 class _PlacedSurrounding:
-    """A declaration with the parts of streets that it refers to."""
+    """A declaration with its parts of streets."""
 
     def __init__(self, network: RoadNetwork, number: int, declaration: Surrounding) -> None:
         road = network.declaration
@@ -165,7 +164,7 @@ class _PlacedSurrounding:
 
     @property
     def bands(self) -> list[StreetSide | Rectangle]:
-        """Bands along the street, the rectangular area, and that around the outline."""
+        """Bands along the street, the rectangular area, and the one around the outline."""
         area = self.declaration.area_m
         if self.outline is not None:
             west, south, east, north = self.outline.bounds
@@ -174,7 +173,7 @@ class _PlacedSurrounding:
 
     @property
     def outline(self) -> shapely.Polygon | None:
-        """The outline that the declaration gives, of kinds that have one."""
+        """The outline in the declaration, for kinds with one."""
         if self.kind not in _OUTLINED_KINDS or not self.declaration.line_m:
             return None
         return shapely.Polygon(self.declaration.line_m)
@@ -216,7 +215,7 @@ class _PlacedSurrounding:
         return list(chain.from_iterable(rows))
 
     def find_lines(self, paved_area: BaseGeometry) -> Iterator[tuple[Point2, ...]]:
-        """Find the lines of walls, fences and hedges; along streets without what is paved."""
+        """Find the lines of walls, fences and hedges; along streets without paved ground."""
         if self.declaration.line_m:
             yield self.declaration.line_m
         for side in self.sides:
@@ -241,7 +240,7 @@ class _PlacedSurrounding:
             yield shapely.make_valid(shapely.Polygon(self.declaration.line_m))
 
     def outline_obstacles(self, paved_area: BaseGeometry) -> Iterator[BaseGeometry]:
-        """Outline what street furniture keeps off: walls, masts, shelters, drives."""
+        """Outline obstacles to street furniture: walls, masts, shelters, drives."""
         if self.kind in _LINE_BUILDERS:
             lines = self.find_lines(paved_area)
             yield from (
@@ -258,7 +257,7 @@ class _PlacedSurrounding:
 
 
 def _choose_lamp_type(network: RoadNetwork, point: Point2) -> LampType:
-    """Choose the type of the lamps of the street that is nearest to a point."""
+    """Choose the type of the lamps of the street nearest to a point."""
     here, streets = shapely.Point(point), network.streets.values()
     limits_m_s = {
         shapely.LineString(item.axis[:, :2]).distance(here): item.speed_limit_m_s
@@ -292,7 +291,7 @@ def _build_fields(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:
 
 
 def _build_objects(item: _PlacedSurrounding, site: Site) -> Iterator[MeshPart]:
-    """Build anything that is no building, lamp or field; plateaus and parked cars are elsewhere."""
+    """Build objects other than buildings, lamps, fields, plateaus and parked cars."""
     if build_at_point := _POINT_BUILDERS.get(item.kind):
         for point in item.sample_points():
             yield from build_at_point(point, item.height_m, site)

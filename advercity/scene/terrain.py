@@ -1,6 +1,6 @@
 """Models the ground around roads: level with their edges, rolling between them, with plateaus.
 
-Its mesh is a grid without the paved area, so that the ground cannot show through the road.
+Its mesh is a grid without the paved area, so the ground cannot show through the road.
 """
 
 from collections.abc import Sequence
@@ -40,9 +40,9 @@ HILLS_START_M, HILLS_HEIGHT_M = 220.0, 16.0
 BANK_WIDTH_M = 1.0
 """Width of the slope of a plateau, inside its outline; outside there may be a retaining wall."""
 OVERLAP_M = 0.05
-"""Overlap of the ground under the road, so that no crack opens between them."""
+"""Overlap of the ground under the road, so no crack opens between them."""
 HEIGHT_DECIMALS = 6
-"""Digits of heights in metres that all processors compute alike."""
+"""Digits of heights in metres computed alike by all processors."""
 GROUND_DROP_M = 0.004
 """Drop of the ground below the edge of the road: surfaces at one height would flicker."""
 SKIRT_HEIGHT_M = 0.1
@@ -61,7 +61,7 @@ class Cutting:
     """Ground under a deck, level with the edges of the lower street.
 
     Attributes:
-        outline: Area that the deck covers, and a little beside it.
+        outline: Area of the deck, and a little beside it.
         opening: Area around it in which edges of the lower street are looked for.
         rim: Area of the deck with its abutments, along which the ground may have a step.
     """
@@ -72,7 +72,7 @@ class Cutting:
 
 
 def find_plateaus(road: Road) -> tuple[Plateau, ...]:
-    """List the plateaus that a road declares."""
+    """List the plateaus declared by a road."""
     return tuple(
         Plateau(shapely.Polygon(item.line_m), item.height_m or 0.0)
         for item in road.surroundings
@@ -106,7 +106,7 @@ class EdgeSegments:
         """Find the distance (n,) of points (n, 2) to the nearest segment, and its height there."""
         places = shapely.points(points)
         _, far_m = self._tree.query_nearest(places, all_matches=False, return_distance=True)
-        # Of segments that are as near within rounding, as at corners, the first one counts.
+        # Of equally near segments (within rounding), as at corners, the first one counts.
         within_m = far_m * (1 + 1e-9) + 1e-9
         row, segment = self._tree.query(places, predicate="dwithin", distance=within_m)
         along = self.steps[segment, :2]
@@ -126,7 +126,7 @@ class GroundModel:
 
     Near a road it is the height of the nearest point of its edge, further off the mean of all
     edges, weighted by the inverse square of their distance. On a plateau it is the plateau's,
-    except near the roads that climb to it.
+    except near roads climbing to it.
 
     Attributes:
         segments: Segments of all edges.
@@ -147,7 +147,7 @@ class GroundModel:
         plateaus: Sequence[Plateau] = (),
         cuttings: Sequence[Cutting] = (),
     ) -> "GroundModel":
-        """Build the model from the edges (n, 3) of all paving that lies on the ground."""
+        """Build the model from the edges (n, 3) of all paving on the ground."""
         samples = [
             resample_polyline(edge, max(2, int(polyline_stations(edge)[-1] / CELL_M) + 1))
             for edge in edges
@@ -168,11 +168,11 @@ class GroundModel:
             height = self._raise_to_plateau(points, height, plateau)
         for cutting in self.cuttings:
             self._lower_into_cutting(points, height, cutting)
-        # Last digits of exponentials and sines are those of the processor; normals would show them.
+        # Last digits of exponentials and sines depend on the processor; normals would show them.
         return np.round(height, HEIGHT_DECIMALS)
 
     def _lower_into_cutting(self, points: Points, height: Float64Array, cutting: Cutting) -> None:
-        """Lower heights (n,) under a deck, in place, to those of the nearest edge below it."""
+        """Lower heights (n,) under a deck, in place, to the nearest edge below it."""
         inside = shapely.dwithin(cutting.outline, shapely.points(points), GRID_M)
         below = self.segments.select_inside(cutting.opening)
         if len(below.starts) > 0 and inside.any():
@@ -181,7 +181,7 @@ class GroundModel:
     def _raise_to_plateau(
         self, points: Points, height: Float64Array, plateau: Plateau
     ) -> Float64Array:
-        """Raise heights (n,) within a plateau to it, or to the streets that climb to it."""
+        """Raise heights (n,) within a plateau to it, or to the streets climbing to it."""
         depth = shapely.distance(shapely.points(points), plateau.outline.exterior)
         inside = shapely.contains_xy(plateau.outline, points[:, 0], points[:, 1])
         climbing = self.segments.select_inside(plateau.outline)
@@ -207,7 +207,7 @@ def build_ground(model: GroundModel, paved_area: BaseGeometry) -> Mesh:
     cut = shapely.difference(cells[~free], hole)
     whole = free & _are_boxes(cells)
     polygons = [*cells[free & ~whole], *(part for shape in cut for part in extract_polygons(shape))]
-    # Most cells are whole boxes: triangulating them as arrays is what makes this quick.
+    # Most cells are whole boxes, which are quick to triangulate as arrays.
     parts = [
         _triangulate_boxes(cells[whole]),
         *(triangulate_polygon(polygon) for polygon in polygons),
@@ -278,7 +278,7 @@ def _triangulate_boxes(boxes: NDArray[np.object_]) -> tuple[Points, NDArray[np.i
 
 
 def _split_cells(cells: NDArray[np.object_], outline: BaseGeometry) -> NDArray[np.object_]:
-    """Cut the cells that an outline passes through."""
+    """Cut the cells crossed by an outline."""
     shapely.prepare(outline)
     passed = shapely.intersects(cells, outline) & ~shapely.contains_properly(outline, cells)
     parts = [
@@ -306,7 +306,7 @@ def _compute_grid_lines(first: float, last: float) -> Float64Array:
 
 
 def _drop_flipped_triangles(corners: Points, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Drop the slivers that rounding has turned over."""
+    """Drop slivers turned over by rounding."""
     a, b, c = (corners[triangles[:, corner]] for corner in range(3))
     area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     return triangles[area > GRID_M**2]

@@ -14,7 +14,7 @@ from advercity.semantics import Semantic
 
 _SIGN_HEIGHT_M = 2.2
 _FACE_M = 0.072
-"""Of what is on a sign before its mast; text is a little further."""
+"""Distance of the face of a sign before its mast; text is a little further."""
 
 
 def build_traffic_sign(sign: TrafficSign, ground_m: float) -> list[MeshPart]:
@@ -70,7 +70,7 @@ def _build_limit_face(number: str) -> list[tuple[TriangleSurface, str]]:
 def _build_polygon_plate(
     sides: int, radius: float, x: float, turn: float, *, rise: float = 0.0
 ) -> TriangleSurface:
-    """Build a regular polygon with its face at `x`, 1 cm thick, so that plates can be stacked."""
+    """Build a regular polygon with its face at `x`, 1 cm thick, so plates can be stacked."""
     angle = turn + 2 * np.pi * np.arange(sides) / sides
     z = _SIGN_HEIGHT_M + rise + radius * np.sin(angle)
     return plate(np.column_stack([np.full(sides, x), radius * np.cos(angle), z]), 0.01)

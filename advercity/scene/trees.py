@@ -1,4 +1,4 @@
-"""Builds single trees: trunks that fork, and crowns of leaves around the ends of branches."""
+"""Builds single trees: forking trunks, and crowns of leaves around the ends of branches."""
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -27,7 +27,7 @@ class Detail(IntEnum):
 
 @dataclass(frozen=True)
 class _Crown:
-    """A species: its trunk, and ellipsoids (x, y, z, radius, half height) that leaves fill."""
+    """A species: its trunk, and its leaves' ellipsoids (x, y, z, radius, half height)."""
 
     trunk_m: float
     trunk_radius_m: float
@@ -77,13 +77,13 @@ _LEAF_LENGTH_M = {Detail.NEAR: 0.165, Detail.MIDDLE: 0.24, Detail.FAR: 0.38}
 _BRANCHES_PER_LIMB = 6
 _CORE_RATIO = {Detail.NEAR: 0.58, Detail.MIDDLE: 0.64, Detail.FAR: 0.72}
 _CORE_BUMP = 0.16
-"""Size of the dense inside of a crown over that of the crown, and how uneven it is: leaves before
-it hide it the better the more they are."""
+"""Size of the dense inside of a crown over the crown's, and its unevenness: more leaves hide it
+better."""
 _CORE_SIDES = {Detail.NEAR: (12, 8), Detail.MIDDLE: (10, 6), Detail.FAR: (8, 5)}
 _HIDDEN_RATIO = 0.72
-"""Size of the ellipsoids in which what is on another is hidden, over that of the crown's."""
+"""Size over the crown's of the ellipsoids for hiding parts of other ellipsoids."""
 _INNER_COVERAGE = 0.33
-"""Area of the leaves that lie on the inside of a crown over its own."""
+"""Area of the leaves on the inside of a crown over its own."""
 _SHOOT_RADIUS_M = 0.012
 _SPRUCE_BRANCHES = {Detail.NEAR: 220, Detail.MIDDLE: 128, Detail.FAR: 104}
 _TWIGS = {Detail.NEAR: 10, Detail.MIDDLE: 5, Detail.FAR: 4}
@@ -132,7 +132,7 @@ def _spread_ends(crown: _Crown, count: int, draw: np.random.Generator) -> Float6
     counts = np.maximum(1, np.round(count * volumes / volumes.sum()).astype(int))
     ends: list[Float64Array] = []
     for (x, y, z, radius, rise), number in zip(crown.blobs, counts, strict=True):
-        # Evenly, so that crowns of few branches are as wide as those of many.
+        # Evenly: crowns of few branches are as wide as crowns of many.
         direction = normalize(spread_directions(number) + draw.normal(scale=0.12, size=(number, 3)))
         depth = draw.uniform(0.7, 0.88, (number, 1)) * (radius, radius, rise)
         ends.append(direction * depth + (x, y, z))
@@ -186,14 +186,14 @@ def _build_shoots(
     reach = 0.3 * max(blob[3] for blob in crown.blobs) + 0.2 - 0.3 * _LEAF_LENGTH_M[detail]
     reach = reach * draw.uniform(0.75, 1.15, (len(root), 1, 1))
     at = np.concatenate([[0.0], np.linspace(0.3, 1.0, leaves)])[None, :, None]
-    # Their weight bends them down, those of a birch most.
+    # Leaves bend shoots down by their weight, most on a birch.
     sag = at**2 * reach * (0.15 + crown.droop)
     points = root[:, None] + at * reach * away[:, None] - sag * xyz(z=1.0)
     return _Shoots(points, normalize(outward + 0.5 * away))
 
 
 def _build_core(crown: _Crown, detail: Detail, draw: np.random.Generator) -> TriangleSurface:
-    """Build bumpy ellipsoids inside those of a crown, through which hardly any light comes.
+    """Build bumpy ellipsoids inside the crown's, through which hardly any light comes.
 
     Only a closed core leaves no holes, however few leaves are before it.
     """
@@ -209,7 +209,7 @@ def _build_core(crown: _Crown, detail: Detail, draw: np.random.Generator) -> Tri
 
 
 def _select_outside(core: TriangleSurface, crown: _Crown) -> TriangleSurface:
-    """Select the triangles of a core that no other of its ellipsoids hides."""
+    """Select the triangles of a core not hidden by another of its ellipsoids."""
     blobs = np.array(crown.blobs)
     middles = core.vertices[core.triangles].mean(axis=1)
     inside = (middles[:, None] - blobs[:, :3]) / blobs[:, [3, 3, 4]]
@@ -238,7 +238,7 @@ def _build_limbs(crown: _Crown, tips: Float64Array) -> list[TriangleSurface]:
 
 
 def _build_branches(crown: _Crown, ends: Float64Array) -> list[TriangleSurface]:
-    """Build branches to the ends that no limb reaches, each from the limb next to its end."""
+    """Build branches to the ends beyond limbs, each from the limb next to its end."""
     radius = crown.trunk_radius_m
     bends = _find_limbs(crown, ends[::_BRANCHES_PER_LIMB])[:, 1]
     others = np.delete(ends, np.s_[::_BRANCHES_PER_LIMB], axis=0)
@@ -259,7 +259,7 @@ def _find_limbs(crown: _Crown, tips: Float64Array) -> Float64Array:
 
 
 def _build_spruce(detail: Detail, draw: np.random.Generator) -> TreeParts:
-    """Build a spruce: branches that hang, with twigs on either side and at the end.
+    """Build a spruce: hanging branches, with twigs on either side and at the end.
 
     Branches wind up the stem: as many in few whorls would look like plates on a stick from afar.
     """

@@ -39,7 +39,7 @@ def build_trees(
     *,
     clearance_m: float = TRUNK_CLEARANCE_M,
 ) -> list[MeshPart]:
-    """Build trees of several species at points (n, 2), without those on reserved ground."""
+    """Build trees of several species at points (n, 2), except on reserved ground."""
     free = points[site.is_free(points, clearance_m)] if len(points) else points
     if not len(free):
         return []

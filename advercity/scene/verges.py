@@ -1,4 +1,4 @@
-"""Builds verges: gravel and bare soil of ragged width along what is paved, and grass behind it.
+"""Builds verges: gravel and bare soil of ragged width along paving, and grass behind it.
 
 Grass on medians and weeds behind kerbs are here, too.
 """
@@ -26,22 +26,22 @@ from advercity.scene.site import Site
 from advercity.semantics import Semantic
 
 VERGE_M, TUFTS_PER_M, BLADES_PER_TUFT, MAX_TUFTS = 3.0, 60.0, 7, 76_000
-"""Width of the strip along paved edges that has tufts of grass, and how many."""
+"""Width of the strip with tufts of grass along paved edges, and how many."""
 DRY_FRACTION = 0.16
-"""Fraction of the tufts that have withered."""
+"""Fraction of withered tufts."""
 STEP_M = 0.3
 """Distance of the points between which the width of bare ground changes."""
 ROADWAY_BARE_M, SIDEWALK_BARE_M = 0.26, 0.07
 """Mean width of bare ground along a roadway, where wheels come, and along a sidewalk."""
 SPILL_M, RISE_M, SINK_M = 0.09, 0.010, 0.02
 """How far bare ground spills over the edge of paving, how far it lies above the ground there, and
-how far below at its outer border, so that it has no edge of its own."""
+how far below at its outer border, where it must not show an edge of its own."""
 MAX_FALL_M = 0.5
-"""Greatest difference of height within a piece of bare ground: what is steeper is a wall."""
+"""Greatest difference of height within a piece of bare ground: a steeper one is a wall."""
 MEDIAN_TUFTS_PER_M2, MEDIAN_MARGIN_M = 26.0, 0.14
 """Tufts on medians, and how far from their kerbs: blades may hang over these, but over no lane."""
 WEEDS_PER_M, JOINT_M = 1.2, (0.12, 0.155)
-"""Weeds along kerbs, and how far behind their faces is the joint that they grow from."""
+"""Weeds along kerbs, and how far behind their faces is the joint with their roots."""
 TUFT_SPREAD_M, WEED_SPREAD_M = 0.13, 0.05
 """Greatest distance of roots from the middle of a tuft: grass is a sward, weeds stand alone."""
 _WAVES_M, _WEIGHTS = (13.0, 2.7, 0.8, 0.35), (0.4, 0.5, 0.5, 0.4)
@@ -50,7 +50,7 @@ _BLADE_WIDTH_M = 0.010
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """Points along the edges of what is paved, with free ground beside them.
+    """Points along the edges of paving, with free ground beside them.
 
     Attributes:
         points: (n, 2) metres.
@@ -81,7 +81,7 @@ class _Edges:
 
 
 def build_verges(roadway: BaseGeometry, site: Site, key: str) -> list[MeshPart]:
-    """Build the ground and the grass along all that is paved; a roadway has wider bare ground."""
+    """Build ground and grass along all paving; a roadway has wider bare ground."""
     edges = _sample_edges(roadway, site, key)
     if not len(edges.points):
         return []
@@ -215,7 +215,7 @@ def _build_grass(
         [1.3, 3.0], count
     )
     foot = edges.points[row] + at[:, None] * edges.steps[row] + away[:, None] * edges.outward[row]
-    # Longest at the border, which mowers miss; further off so short that it ends unseen.
+    # Longest at the border, missed by mowers; further off so short it ends unseen.
     height = draw.uniform(0.05, 0.13, count) * np.interp(away - bare, (0.3, VERGE_M), (1.5, 0.45))
     height *= np.where(draw.uniform(size=count) < 0.06, 1.6, 1.0)
     free = site.is_free(foot, 0.03)

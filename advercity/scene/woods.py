@@ -1,4 +1,4 @@
-"""Builds distant woods: crowns along their edges, and a canopy over what these hide."""
+"""Builds distant woods: crowns along their edges, and a canopy hidden behind them."""
 
 from functools import cache
 
@@ -24,7 +24,7 @@ from advercity.semantics import Semantic
 
 WOODS_HEIGHT_M = 11.0
 TREE_SPACING_M, MAX_TREES = 6.0, 700
-"""Distance between the trees of a wood, larger in one that would have more of them."""
+"""Distance between the trees of a wood, larger where there would be more of them."""
 WOODS_CLEARANCE_M = 10.0
 SPRUCE_FRACTION = 0.25
 SHAPES = 6
@@ -33,15 +33,15 @@ CROWN_RADIUS_M = 0.55 * TREE_SPACING_M
 LEAF_M, COVERAGE = 1.0, 0.16
 """Length of the leaves on crowns, each a twig with its own, and their area over the crowns'."""
 SEEN_FRACTION = 0.5
-"""Part of the edge that has trees: that near streets; there is but the canopy on the other side."""
+"""Part of the edge with trees, near streets; the other side has only the canopy."""
 CANOPY_RATIOS = (0.5, 0.85)
-"""Heights of treetops behind the edge, over that of the wood."""
+"""Heights of treetops behind the edge, over the wood's."""
 
 
 def build_woods(
     band: StreetSide | Rectangle, height_m: float | None, site: Site, key: str
 ) -> list[MeshPart]:
-    """Build the edges and tops of a wood that is seen from afar."""
+    """Build the edges and tops of a distant wood."""
     extent = band.extent if isinstance(band, Rectangle) else (band.length_m, band.depth_m)
     spacing_m = max(TREE_SPACING_M, float(np.sqrt(np.prod(extent) / MAX_TREES)))
     rows = band.sample_grid(spacing_m, spacing_m)
@@ -69,7 +69,7 @@ def _touch(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _build_canopy(
     ground: Float64Array, cells: NDArray[np.bool_], height_m: float, draw: np.random.Generator
 ) -> MeshPart:
-    """Build what is dense behind the trees of the edge, over ground (n, m, 3), lower than most."""
+    """Build the dense part behind the edge's trees, over ground (n, m, 3), lower than most."""
     points = ground.copy()
     tops = draw.uniform(*CANOPY_RATIOS, points.shape[:2]) * height_m
     points[..., 2] += np.where(find_border_points(cells), -0.3, tops)

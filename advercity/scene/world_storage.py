@@ -26,7 +26,7 @@ _Rows = Sequence[NDArray[Any] | None]
 
 MAX_WORLD_BYTES = 4 * 10**9
 WORLD_DECIMALS = 9
-"""Decimals of coordinates in m and of normals, so that all processors store the same bytes."""
+"""Decimals of coordinates in m and of normals: all processors store the same bytes."""
 _MESH_ARRAYS = ("vertices", "triangles", "normals", "weights", "uv")
 _DTYPES: dict[str, type[np.generic]] = {
     "vertices": np.float32,
@@ -56,7 +56,7 @@ def save_world(world: World, path: Path) -> None:
 
 
 def load_world(path: Path, network: Path) -> World:
-    """Load a world that `save_world` has written; its SUMO network is at `network`.
+    """Load a world written by `save_world`; its SUMO network is at `network`.
 
     Raises:
         RunError: The file is something else.
@@ -77,7 +77,7 @@ def save_body(body: Body, path: Path) -> None:
 
 
 def load_body(path: Path) -> Body:
-    """Load a body that `save_body` has written.
+    """Load a body written by `save_body`.
 
     Raises:
         RunError: The file is something else.
@@ -107,7 +107,7 @@ def _load(path: Path, decode: Callable[[Any, Mapping[str, Iterator[Any]]], T], w
             for name, rows in record["shapes"].items()
         }
         return decode(record, arrays)
-    except Exception as error:  # whatever an edited file may lack or have too much
+    except Exception as error:  # an edited file may have any kind of damage
         raise RunError(f"{path}: not {what}: {error or type(error).__name__}") from error
 
 
@@ -141,12 +141,12 @@ def _concatenate(arrays: Iterable[NDArray[Any] | None], dtype: type[np.generic])
     joined = np.concatenate([np.empty(0, dtype), *flat])
     if not np.issubdtype(dtype, np.floating):
         return joined
-    # Processors differ in the last bit of sines, and in what they take for zero; -0.0 becomes 0.0.
+    # Processors differ in the last bit of sines, and in their zeros; -0.0 becomes 0.0.
     return (np.round(joined.astype(np.float64), WORLD_DECIMALS) + 0.0).astype(dtype)
 
 
 def _split(flat: NDArray[Any], shapes: Sequence[Sequence[int] | None]) -> Iterator[Any]:
-    """Split what `_concatenate` has joined; None where there was no array."""
+    """Split the output of `_concatenate`; None where there was no array."""
     start = 0
     for shape in shapes:
         end = start + (0 if shape is None else math.prod(shape))
@@ -208,7 +208,7 @@ def _decode_meshes(rows: list[Any], arrays: Mapping[str, Iterator[Any]]) -> Iter
 
 
 def _check_arrays(mesh: Mesh) -> None:
-    """Raise ValueError for arrays that do not fit; renderers would read beyond their ends."""
+    """Raise ValueError for mismatched arrays; renderers would read beyond their ends."""
     count = len(mesh.vertices)
     shapes = [(mesh.vertices, (count, 3)), (mesh.normals, (count, 3)), (mesh.uv, (count, 2))]
     fits = all(array is None or array.shape == shape for array, shape in shapes)
