@@ -1,4 +1,4 @@
-"""Interface between scenes and the backends that render them, and the registry of backends.
+"""Interface between scenes and rendering backends, and the registry of backends.
 
 Plugins register a `Backend` under the entry point group `advercity.backends`.
 """
@@ -22,7 +22,7 @@ from advercity.world import World
 
 @dataclass(frozen=True)
 class RenderProfile:
-    """Quality settings of a renderer; they never change what is rendered."""
+    """Quality settings of a renderer; they never change the content of images."""
 
     name: str
     scale: float
@@ -45,7 +45,7 @@ RENDER_PROFILES = {
 
 @dataclass(frozen=True)
 class Capabilities:
-    """Features that a backend has natively on this machine."""
+    """Native features of a backend on this machine."""
 
     participating_medium: bool
     """Fog attenuates and scatters along every path; if False, it is added from depth."""
@@ -70,7 +70,7 @@ class CameraView:
     height_px: int
     horizontal_fov_rad: float
     hide: frozenset[int] = frozenset()
-    """Ids of actors that this camera does not see: the vehicle it is mounted on."""
+    """Ids of actors hidden from this camera: the vehicle under it."""
 
 
 @dataclass(frozen=True)
@@ -99,14 +99,14 @@ CAPTURE_ARRAYS = {
     "semantic": (np.uint8, ()),
     "instance": (np.int32, ()),
 }
-"""Type of each array of a capture, and what its shape has besides height and width."""
+"""Type of each array of a capture, and its shape after height and width."""
 
 
 def check_capture(capture: CameraCapture, view: CameraView, backend: str) -> None:
     """Check the shapes and types of a capture's arrays, which sensors take as they are.
 
     Raises:
-        BackendError: The text names the backend, and each wrong array with what it should be.
+        BackendError: The text names the backend, and each wrong array with its expected shape.
     """
     wrong: list[str] = []
     for name, (dtype, channels) in CAPTURE_ARRAYS.items():
@@ -122,10 +122,10 @@ class Renderer(Protocol):
     """An open scene; frames may be placed in any order."""
 
     def change_atmosphere(self, atmosphere: Atmosphere) -> None:
-        """Replace the air and light of the frames that are placed from now on.
+        """Replace the air and light of all later frames.
 
-        It is called only under weathers that change over time. What follows from light alone, as
-        skies and light probes do, need not be made again if `sky` is the same object as before.
+        It is called only under weathers changing over time. Data derived from light alone, such as
+        skies and light probes, can be kept if `sky` is the same object as before.
         """
         ...
 
@@ -155,7 +155,7 @@ class Backend(Protocol):
         ...
 
     def capabilities(self) -> Capabilities:
-        """Report what this backend can do on this machine; BackendError without a device."""
+        """Report the backend's features on this machine; BackendError without a device."""
         ...
 
     def open(
@@ -186,7 +186,7 @@ def load_backend(name: str) -> Backend:
     """Import and instantiate the backend called `name`.
 
     Raises:
-        InputError: No backend has that name.
+        InputError: No backend has this name.
         BackendError: Its import fails, or two distributions claim the name.
     """
     found = [entry for entry in entry_points(group=ENTRY_POINT_GROUP) if entry.name == name]

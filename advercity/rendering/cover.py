@@ -1,4 +1,4 @@
-"""Cover from above: decks of bridges keep rain and snow off all that is below them."""
+"""Cover from above: decks of bridges keep rain and snow off everything below them."""
 
 from collections.abc import Sequence
 
@@ -11,13 +11,13 @@ from advercity.rendering.embree import EmbreeMesh, EmbreeScene
 from advercity.semantics import Semantic
 
 CLEARANCE_M = 0.05
-"""Height over a point from which cover is looked for, so that a deck does not cover its own top."""
+"""Height over a point where the search for cover begins: a deck must not cover its own top."""
 MAX_HEIGHT_M = 100.0
-"""Height of cover over a point; rain that wind blows under it is left out."""
+"""Height of cover over a point; rain blown under it by wind is left out."""
 
 
 class Cover:
-    """What keeps precipitation off the ground of a world."""
+    """Surfaces keeping precipitation off the ground of a world."""
 
     def __init__(self, decks: Sequence[Mesh]) -> None:
         self._scene = EmbreeScene([EmbreeMesh(decks)], np.eye(4)[None])
@@ -43,5 +43,5 @@ class Cover:
 
 
 def select_decks(meshes: Sequence[Mesh]) -> list[Mesh]:
-    """Select the meshes that cover what is below them."""
+    """Select the meshes covering the ground below them."""
     return [mesh for mesh in meshes if mesh.semantic is Semantic.BRIDGE]

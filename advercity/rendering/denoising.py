@@ -1,4 +1,4 @@
-"""Removes the noise that path tracing with few samples leaves; the backends bring the library."""
+"""Removes the noise of path tracing with few samples; the backends bring the library."""
 
 import numpy as np
 

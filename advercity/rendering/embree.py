@@ -37,9 +37,9 @@ _RAYS_PER_PACKET, _FIELDS_PER_RAY = 16, 21
 _ORIGIN, _DIRECTION, _NORMAL, _HIT = slice(0, 3), slice(4, 7), slice(12, 15), slice(17, 20)
 _TIME, _FAR, _MASK, _PRIMITIVE_ID, _GEOMETRY_ID, _INSTANCE_ID = 7, 8, 9, 17, 18, 19
 _ALIGNMENT_BYTES, _READ_BYTES = 64, 16
-"""Alignment of packets, and what Embree reads at a time."""
+"""Alignment of packets, and the size of Embree's reads."""
 _PACKETS_PER_BATCH = 512
-"""Packets that are filled, cast and read at a time: as many as fit a core's cache."""
+"""Packets filled, cast and read at a time: as many as fit a core's cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class EmbreeHits:
 
     Attributes:
         instance: (n,) int32 row of the mesh in the scene; -1 for a miss.
-        triangle: (n,) int32 row of the triangle in that mesh; -1 for a miss.
+        triangle: (n,) int32 row of the triangle in its mesh; -1 for a miss.
         range_m: (n,) float32; the maximum range for a miss.
         normal: (n, 3) float32 of the triangle in its mesh's frame, of any length; zeros for a miss.
     """
@@ -101,7 +101,7 @@ class EmbreeMesh:
     def move_vertices(self, vertices: FloatArray) -> None:
         """Move the vertices (n, 3) of a posed mesh, in a tenth of the time to build another.
 
-        Embree refits its tree, whose structure stays that of the meshes as they were given: so hits
+        Embree refits its tree, whose structure stays as built from the first vertices: so hits
         do not depend on the poses in between. Scenes of instances must be built again.
         """
         embree, rows = _load_embree(), np.ascontiguousarray(vertices, np.float32)
@@ -151,7 +151,7 @@ class EmbreeScene:
         _raise_on_error()
 
     def hide(self, rows: Collection[int]) -> None:
-        """Let rays pass through the instances in `rows`, and through no others."""
+        """Hide the instances in `rows`, and no others, from rays."""
         hidden = frozenset(rows)
         if hidden == self._hidden:
             return
@@ -270,7 +270,7 @@ _SINGLE_POINTER_FUNCTIONS = (
 
 @cache
 def _load_embree() -> Any:
-    """Load Embree and declare the functions that are called here."""
+    """Load Embree and declare its functions used here."""
     # embreex's extension module is linked to Embree, so its handle finds Embree's symbols too.
     # PyDLL keeps the interpreter lock: calls are shorter than releasing and taking it again.
     embree = ctypes.PyDLL(embreex_scene.__file__)
@@ -322,7 +322,7 @@ def _raise_on_error() -> None:
 
 
 def _new_scene(owner: object, *, is_dynamic: bool = False) -> int:
-    """Create a scene that lives as long as its owner, without gaps between adjacent triangles."""
+    """Create a scene with its owner's lifetime, without gaps between adjacent triangles."""
     scene = _load_embree().rtcNewScene(_open_device())
     weakref.finalize(owner, _load_embree().rtcReleaseScene, scene)
     _load_embree().rtcSetSceneFlags(scene, _ROBUST | _DYNAMIC if is_dynamic else _ROBUST)
@@ -352,7 +352,7 @@ def _join_triangles(meshes: Sequence[Mesh]) -> tuple[NDArray[np.float32], NDArra
 
 
 def _set_buffer(geometry: int, kind: int, form: int, rows: NDArray[Any]) -> None:
-    """Let a geometry read rows (n, 3) of 4-byte numbers where they are, or else a copy of them.
+    """Make a geometry read rows (n, 3) of 4-byte numbers in place, or else a copy of them.
 
     Embree may read beyond the last row: they must be followed by others of the same array.
     """

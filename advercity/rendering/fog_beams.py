@@ -1,11 +1,11 @@
-"""Light that fog has scattered out of vehicles' beams, in the space around them.
+"""Light of vehicles' beams scattered by fog, in the space around them.
 
-Fog by night glows mostly with light that is scattered several times: most of what a camera gets
-back from its own beams turned in two or three steps. Some ten thousand photons of a beam are
-followed over level ground, and their flow and fluence recorded on a grid that is fine near the
-lamp. Of the glow, a seventh is light that the road reflects before any fog has scattered it; in
-clear air that is all there is, and it lights what stands by the road. As everywhere by night,
-light that droplets deflect by the narrow lobe counts as not scattered.
+Fog by night glows mostly with light scattered several times: most of the light returning to a
+camera from its own beams has turned in two or three steps. Some ten thousand photons of a beam are
+followed over level ground, and their flow and fluence recorded on a grid with fine cells near the
+lamp. A seventh of the glow is light reflected by the road before any fog has scattered it; in clear
+air there is no other, and it lights objects by the road. As everywhere by night, light deflected by
+droplets within the narrow lobe counts as not scattered.
 """
 
 import math
@@ -31,7 +31,7 @@ PHOTONS, MAX_SCATTERINGS = 250_000, 12
 MAX_PATH_M = 150.0
 """Distance from which light does not come back."""
 EXTINCTION_RATIO = 1.05
-"""Ratio of neighbouring extinctions that have tables of their own."""
+"""Ratio of neighbouring extinctions with tables of their own."""
 BEAM_HALF_WIDTH_RAD, BEAM_BOTTOM_RAD, BEAM_TOP_RAD = np.radians([60.0, -14.0, 30.0])
 """Extent of the sampled beam to either side, down and up."""
 STEP_HORIZONTAL_RAD, STEP_VERTICAL_RAD = np.radians([1.0, 0.1])
@@ -45,9 +45,9 @@ def compute_fog_beams(
 ) -> Float32Array:
     """Compute tables (beam, kind, nodes ahead, right, up, 4) of low beams and of front fog lamps.
 
-    Of each, that of light that fog has scattered, then that with what the road reflects. Values
-    are flow ahead, to the right and up, and fluence, in 1/m² per candela of the peak. Nodes are
-    evenly spaced between `grid_corners`. Takes three seconds of processor time.
+    Each beam has a table of light scattered by fog, then one including the road's reflection.
+    Values are flow ahead, to the right and up, and fluence, in 1/m² per candela of the peak. Nodes
+    are evenly spaced between `grid_corners`. Takes three seconds of processor time.
     """
     step = round(math.log(max(extinction_per_m, 1e-6)) / math.log(EXTINCTION_RATIO))
     return _compute_tables(step, ground_albedo)
@@ -73,14 +73,14 @@ def trace_beam(
 ) -> Float32Array:
     """Trace light of a beam over level ground: flow and fluence (2, nodes ahead, right, up, 4).
 
-    First of light that fog has scattered, then of that and what the road reflects unscattered; what
-    comes straight from the lamp is left out. The extinction coefficient is that of the wide lobe.
+    First of light scattered by fog, then of this and the road's reflection of unscattered light;
+    direct light of the lamp is left out. The extinction coefficient belongs to the wide lobe.
     """
     generator = create_generator("sapien", "fog_beam", f"{height_m:g}", f"{extinction_per_m:.6g}")
     ray, lumens = _draw_rays(beam, tilt_rad, generator)
     start = np.zeros_like(ray)
     start[:, 2] = height_m
-    # Each photon is scattered on its first segment, and weighs what is scattered there.
+    # Each photon is scattered on its first segment, weighted by the scattered fraction.
     ground = _distance_to_ground(start, ray)
     ends = np.minimum(ground, MAX_PATH_M)
     scattered = -np.expm1(-extinction_per_m * ends)
@@ -93,7 +93,7 @@ def trace_beam(
         ground_albedo,
         generator,
     )
-    # Of light that reaches the road as it is, the fraction that the road reflects.
+    # Of light reaching the road unscattered, the fraction reflected by it.
     low = np.flatnonzero(ground < MAX_PATH_M)
     by_road = _follow_photons(
         start[low] + ground[low, None] * ray[low],
@@ -121,7 +121,7 @@ def _follow_photons(
         ground = _distance_to_ground(position, ray)
         meets_ground = ground < length
         length = np.minimum(np.minimum(length, ground), MAX_PATH_M)
-        # One point of a segment represents it: its expected value is that of all. Points are even
+        # One point of a segment represents it, with the same expected value. Points are even
         # in the root of the distance: near the road, where much light begins, nodes are dense.
         root = generator.random(len(ray))
         passed = position + (root**2 * length)[:, None] * ray
@@ -181,7 +181,7 @@ def _scatter(ray: Float64Array, generator: Generator) -> Float64Array:
     cumulative = np.cumsum(phase * np.sqrt(1.0 - cosine**2))
     drawn = np.interp(generator.random(len(ray)) * cumulative[-1], cumulative, cosine)
     turn = generator.random(len(ray)) * 2.0 * math.pi
-    # Any two vectors that are perpendicular to a ray.
+    # Two perpendicular vectors to a ray.
     helper = np.where(np.abs(ray[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
     across = np.cross(helper, ray)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -213,7 +213,7 @@ def _add_to_grid(
 ) -> None:
     """Add lumens times metres (n,) along rays (n, 3) to the nodes (nodes, 4) around points (n, 3).
 
-    Beams are taken as symmetric: what is on the left counts as on the right, mirrored.
+    Beams are taken as symmetric: light on the left counts as on the right, mirrored.
     """
     low, high = grid_corners()
     right = np.stack([position[:, 0], np.abs(position[:, 1]), np.maximum(position[:, 2], 0.0)], 1)

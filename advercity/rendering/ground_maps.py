@@ -20,26 +20,26 @@ WEAR_TEXEL_M, WEAR_MAX_TEXELS = 0.25, 4096
 """Size of a texel, and texels along a side; a larger site gets larger ones."""
 WEAR_MARGIN_M = 2.0
 WEAR_SAMPLE_STEP_M = 0.12
-"""Less than half a texel, so that none within a lane stays without a sample."""
+"""Less than half a texel, so every texel within a lane has a sample."""
 TYRE_TRACK_M, TYRE_TRACK_SIGMA_M = 0.78, 0.28
 """Lateral distance from a lane's middle to the middle of a tyre's track, and its deviation."""
 TYRE_DARKENING, OIL_DARKENING = 0.25, 0.20
-"""What rubber and what oil take of the albedo where they are most."""
+"""Greatest reductions of the albedo by rubber and by oil."""
 OIL_WIDTH_M, OIL_BEFORE_STOPS, STOP_RANGE_M = 0.30, 1.4, 14.0
 """Width of the line of oil in the middle of a lane, how much more of it there is where vehicles
 wait at the end of a lane, and over which distance."""
 PAVING_TONE = 0.07
 """Greatest difference of the albedo of a paving pass, which is a lane, from the mean."""
 JUNCTION_WEAR = 0.8
-"""Wear by one path through a junction, over that of a lane, on which all vehicles drive."""
+"""Wear by one path through a junction, over the wear of a lane, used by all vehicles."""
 NEUTRAL_WEAR, WEAR_STEPS = 128, 127
 """Byte of unworn ground, and bytes from there to fully polished or stained."""
 WEAR_TONE = 0.5
-"""Change of the albedo that `WEAR_STEPS` stand for."""
+"""Change of the albedo by `WEAR_STEPS`."""
 
 SHELTER_TEXEL_M, SHELTER_MAX_TEXELS = 0.5, 1536
 FOLIAGE_SHELTER_FRACTION = 0.6
-"""Fraction of falling snow that leaves keep off; everything else keeps off all."""
+"""Fraction of falling snow kept off by leaves; everything else keeps off all."""
 NO_SURFACE_M = -1e3
 """Height of the uppermost surface where there is none."""
 
@@ -68,11 +68,11 @@ NO_SHELTER = GroundMap(np.array([[[NO_SURFACE_M, 0.0, NO_SURFACE_M, 0.0]]], np.f
 
 
 def build_wear_map(lanes: Sequence[LaneSegment]) -> GroundMap:
-    """Map what traffic makes of carriageways.
+    """Map the wear of carriageways by traffic.
 
     Texels (h, w, 2) are uint8: how much tyres polish, and the tone, as changes of the albedo of
     which `WEAR_STEPS` are `WEAR_TONE`. The mean of the polish across a lane is neutral, and so is
-    that of the tone over all lanes, so that wear does not change how bright roads are.
+    the mean tone over all lanes: wear does not change how bright roads are.
     """
     driven = [_sample_lane(lane) for lane in lanes if lane.kind == "driving"]
     if not driven:
@@ -86,7 +86,7 @@ def build_wear_map(lanes: Sequence[LaneSegment]) -> GroundMap:
     index, values = (np.concatenate(column) for column in zip(*numbered, strict=True))
     count = np.bincount(index, minlength=size)
     is_driven = count > 0
-    # Where paths cross, the one that wears most shows.
+    # Where paths cross, the greatest wear shows.
     polish, tyres, oil = (_map_greatest(index, values[:, k], size) for k in range(3))
     paving = np.bincount(index, values[:, 3], minlength=size) / np.maximum(count, 1)
     tone = paving - TYRE_DARKENING * tyres - OIL_DARKENING * oil
@@ -104,7 +104,7 @@ def needs_shelter_map(world: World, atmosphere: Atmosphere) -> bool:
 def build_shelter_map(world: World) -> GroundMap:
     """Map the uppermost surface of a world by casting rays straight down.
 
-    Texels (h, w, 4) are float32: its height in metres, the fraction of snow that it keeps off, the
+    Texels (h, w, 4) are float32: its height in metres, the fraction of snow kept off by it, the
     height below which a deck keeps off rain as well, and 0.
     """
     corners = [(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)) for mesh in world.static]

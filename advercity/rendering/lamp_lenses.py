@@ -1,4 +1,4 @@
-"""What shines by itself: lenses of lamps and signals, windows of lit rooms, and how bright."""
+"""Luminous surfaces: lenses of lamps and signals, windows of lit rooms, and their luminance."""
 
 from enum import IntEnum
 
@@ -21,7 +21,7 @@ from advercity.signal_heads import SIGNAL_HEADS, GovernedTraffic
 
 
 class LensKind(IntEnum):
-    """Materials that shine when their lamp is lit; 0 is every other material.
+    """Materials shining when their lamp is lit; 0 is every other material.
 
     Lamps of rooms are lit when street lamps are. Their windows are seen, and light nothing.
     """
@@ -39,15 +39,16 @@ class LensKind(IntEnum):
 
 
 LENS_COUNT = 1 + len(LensKind)
-"""Numbers of kinds, that of every other material included."""
+"""Number of kinds, including 0 for every other material."""
 LENS_KINDS = {kind.name.lower(): kind for kind in LensKind}
 """Kinds by material."""
 TAIL_LAMP_KCD_M2 = 1.2
 """Luminance of a red lens per albedo as a tail lamp, which is on with the low beam."""
 WARM_CD_M2, COOL_CD_M2, SHOP_CD_M2 = 4.0, 8.0, 13.5
-"""Luminance of windows from outside: walls that reflect half of 30 and 60 lx, assumptions for
-living rooms and kitchens in the evening; in shops, shelves of goods that reflect a third of 150 lx,
-half of what is on the floor (300 lx: EN 12464-1, sales areas). Panes let 85 % through."""
+"""Luminance of windows from outside: walls with a reflectance of one half under 30 and 60 lx,
+assumptions for living rooms and kitchens in the evening; in shops, shelves with a reflectance of a
+third under 150 lx, half of the 300 lx on the floor (EN 12464-1, sales areas). Panes let 85 %
+through."""
 
 
 def _per_albedo(luminance_cd_m2: float, material: str) -> float:
@@ -70,7 +71,7 @@ LENS_KCD_M2 = {
 }
 """Luminance of a lit lens per albedo; of a red one as a brake or fog lamp."""
 SNOWLESS_MATERIALS = frozenset({"glass", "room_dark", "shop_dark", "rubber", "skin", *LENS_KINDS})
-"""Materials that falling snow does not stay on; cloth, too, by its name."""
+"""Materials without lying snow; cloth, too, by its name."""
 LENS_CORNERS = 16
 _STANDING_LIMBS = (
     ([(0.0, 0.28), (0.0, -0.1)], 0.18),
@@ -115,8 +116,8 @@ def compute_lens_luminances(
     """Compute the luminance in kcd/m² per albedo of every kind of lens of a body, by its number.
 
     Args:
-        lamps: Lit lamps of a vehicle; of what is static, `LOW_BEAM` where street lamps are lit.
-        signal: What a traffic light shows.
+        lamps: Lit lamps of a vehicle; for static objects, `LOW_BEAM` where street lamps are lit.
+        signal: State of a traffic light.
         light_ratio: Light of tail lamps, or of the traffic light, relative to its mean.
     """
     luminances = [0.0] * LENS_COUNT

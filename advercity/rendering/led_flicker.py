@@ -1,8 +1,8 @@
-"""Flicker of LEDs: what a camera collects of lamps that are switched while its shutter is open.
+"""Flicker of LEDs: light collected by a camera from lamps switching while its shutter is open.
 
-Signals run on rectified mains. Tail lamps are often brake lamps that pulses dim, which are on for
-the ratio of the two luminances. Both are taken for square waves, so that an exposure collects a
-part of their mean light that has a closed form: much more than it, or none, if it is short.
+Signals run on rectified mains. Tail lamps are often brake lamps dimmed by pulses, which are on for
+the ratio of the two luminances. Both are taken for square waves, so the light in an exposure has a
+closed form: a short one collects much more than the mean light, or none.
 """
 
 import math
@@ -14,7 +14,7 @@ from advercity.rendering.light_sources import BRAKE_CD, TAIL_CD
 
 SIGNAL_HZ, SIGNAL_DUTY = 120.0, 0.5
 """Twice the frequency of North American mains, and the fraction of a half-wave in which the voltage
-exceeds that of the LEDs; an engineering value."""
+exceeds the LEDs' forward voltage; an engineering value."""
 TAIL_HZ_RANGE = (90.0, 300.0)
 """Range of the frequencies of pulses; from 90 Hz on drivers do not see them."""
 TAIL_DUTY = TAIL_CD / BRAKE_CD
@@ -25,7 +25,7 @@ def compute_collected_ratio(
 ) -> float:
     """Compute the light of a lamp in an exposure relative to its mean, 0 to 1 / duty.
 
-    The lamp is on in the first `duty` of each period; `phase`, in periods, is that at the time 0.
+    The lamp is on in the first `duty` of each period; `phase`, in periods, holds at time 0.
     """
 
     def count_on_periods(time_s: float) -> float:

@@ -65,7 +65,7 @@ SIGNAL_LENS_OFFSET_M = 0.02
 
 
 def list_light_sources(world: World, frame: Frame) -> list[LightSource]:
-    """List all lamps that are lit in a frame at night."""
+    """List all lamps lit in a frame at night."""
     beams = zip(frame.states, unobstructed_distance_m(frame.states), strict=True)
     towing = {state.actor.towed_by for state in frame.states}
     lamps = [
@@ -85,7 +85,7 @@ def list_light_sources(world: World, frame: Frame) -> list[LightSource]:
             )
         ),
     ]
-    # Those that flicker may be dark throughout an exposure.
+    # Flickering lamps may be dark throughout an exposure.
     lit = [lamp for lamp in lamps if lamp.intensity_cd > 0.0]
     return [_mirror_pattern(lamp) for lamp in lit] if world.is_left_hand else lit
 
@@ -96,7 +96,7 @@ def _mirror_pattern(lamp: LightSource) -> LightSource:
 
 
 def _build_street_light(lamp: StreetLamp) -> LightSource:
-    """Build a Lambertian lamp that faces down: its flux is pi times its peak."""
+    """Build a Lambertian lamp facing down: its flux is pi times its peak."""
     return LightSource(
         LampPattern.STREET, lamp.position, (0.0, 0.0, -1.0), lamp.flux_lm / np.pi, LED_COLOUR
     )
@@ -128,7 +128,7 @@ def unobstructed_distance_m(states: Sequence[ActorState]) -> NDArray[np.float64]
 def _iterate_vehicle_lights(
     state: ActorState, unobstructed_m: float, *, has_rear: bool
 ) -> Iterator[LightSource]:
-    """Iterate over the lamps of a vehicle; a lorry has those in front on its tractor unit only."""
+    """Iterate over the lamps of a vehicle; a lorry's front lamps are on its tractor unit only."""
     has_front = not state.actor.towed_by
     pose, length = state.world_from_body, state.actor.size[0]
     ahead = pose[:3, 0]

@@ -8,10 +8,10 @@ PANE_MATERIALS = frozenset(name for name, item in MATERIALS.items() if item.is_t
 
 
 def is_seen_through(mesh: Mesh, *, is_static: bool) -> bool:
-    """Whether a mesh is of panes that cameras see through: those of vehicles and of shelters.
+    """Whether cameras see through a mesh: panes of vehicles and of shelters.
 
-    Panes of buildings show rooms that are no meshes (`scene.rooms`); the walls behind them are for
-    LiDARs alone. Glass with images of its own shows these.
+    Panes of buildings show rooms without meshes (`scene.rooms`); the walls behind them are for
+    LiDARs alone. Glass with images of its own is opaque and shows these.
     """
     is_closed = is_static and mesh.semantic is Semantic.BUILDING
     return mesh.material in PANE_MATERIALS and mesh.uv is None and not is_closed

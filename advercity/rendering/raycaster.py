@@ -1,7 +1,7 @@
-"""Ray casting against the static world and the bodies that move in it, by Embree.
+"""Ray casting by Embree against the static world and the bodies moving in it.
 
 The static world is one mesh, every rigid body another, built at first use. Meshes of people move
-from pose to pose, and are freed when nobody is in them. A frame is a scene of instances, which are
+from pose to pose, and are freed when out of use. A frame is a scene of instances, which are
 in motion if rays are cast between two frames. So little is built from frame to frame.
 """
 
@@ -36,7 +36,7 @@ _Value = TypeVar("_Value", bound="np.floating[Any]")
 
 @dataclass(frozen=True, eq=False)
 class RayHits:
-    """First surface that each of n rays hit; a miss has range inf and zeros elsewhere.
+    """First surfaces hit by n rays; a miss has range inf and zeros elsewhere.
 
     Attributes:
         range_m: (n,) float32 along the ray.
@@ -78,8 +78,8 @@ class Rays:
         directions: (n, 3) float32, unit vectors.
         time_fraction: (n,) float32 time of each ray, from 0 at the previous frame to 1 at the
             current one; None for 1.
-        rings: Successive rays belong to that many rings in turn; successive rays of a ring have
-            similar directions, which makes fast packets.
+        rings: Number of rings. Successive rays belong to them in turn; successive rays of a ring
+            have similar directions, which makes fast packets.
     """
 
     origins: FloatArray
@@ -92,7 +92,7 @@ class Rays:
 
     def select(self, where: IndexArray) -> "Rays":
         """Select rays by row numbers, which then belong to no rings."""
-        # Not `take`, which would copy an array that repeats one origin.
+        # Not `take`, which would copy a broadcast origin.
         return Rays(
             self.origins[where],
             self.directions[where],
@@ -104,7 +104,7 @@ class Raycaster:
     """Casts rays into a world whose actors are placed frame by frame.
 
     Attributes:
-        cover: What keeps precipitation off parts of the world; None without any.
+        cover: Surfaces keeping precipitation off parts of the world; None without any.
         reflector_boxes: (n, 2, 3) lowest and highest corners of boxes around static thin things.
     """
 
@@ -128,7 +128,7 @@ class Raycaster:
     ) -> None:
         """Place every actor as in `frame`; rays pass through actors in `hide`.
 
-        With `previous_frame`, rays may be cast at any time between the two; actors that are not in
+        With `previous_frame`, rays may be cast at any time between the two; actors missing in
         it do not move. Placing the same frames again costs next to nothing.
         """
         if self._frames[0] is not frame or self._frames[1] is not previous_frame:
@@ -213,7 +213,7 @@ class Raycaster:
         """Have a mesh in each of the poses of a frame, in their order, and in no others.
 
         People have more poses than fit in memory, and most are in another in each frame: meshes
-        move to the next pose of the same person, and those of people who are gone are freed.
+        move to the next pose of the same person, and meshes of absent people are freed.
         """
         before, self._posed = self._posed, {}
         spare: defaultdict[BodyShape, list[_RegisteredMesh]] = defaultdict(list)
@@ -292,7 +292,7 @@ class _TriangleTable:
     """Material and semantic class of all triangles; the last row of each is for misses.
 
     Arrays have spare rows, because shapes are registered while frames are cast. Rows of removed
-    triangles are used for the next of the same number: those of another pose of the same body.
+    triangles are used for the next of the same number: another pose of the same body.
     """
 
     def __init__(self) -> None:
@@ -314,7 +314,7 @@ class _TriangleTable:
         return first
 
     def remove(self, first: int, num_triangles: int) -> None:
-        """Free the rows of triangles that were added together."""
+        """Free the rows of triangles added together."""
         self._free_rows[num_triangles].append(first)
 
     def _take_rows(self, count: int) -> int:

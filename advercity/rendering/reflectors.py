@@ -19,7 +19,7 @@ GROUP_M = 1.0
 
 
 def find_reflector_boxes(meshes: Sequence[Mesh]) -> Float64Array:
-    """Find boxes (n, 2, 3) that hold all thin things, each by its lowest and highest corner."""
+    """Find boxes (n, 2, 3) around all thin things, each by its lowest and highest corner."""
     triangles = [mesh.vertices[mesh.triangles] for mesh in meshes if mesh.semantic in THIN_THINGS]
     if not triangles:
         return np.zeros((0, 2, 3))

@@ -21,7 +21,7 @@ MOTION = ("speed", "acceleration", "turn_rate", "latitude", "longitude", "altitu
 FRAMES_PER_S = 10
 MAP_ZOOM = 17.0
 EYE_BEHIND_M, EYE_ABOVE_M, EYE_AHEAD_M = 24.0, 14.0, 10.0
-"""Start of the eye relative to the first agent, and the point ahead that it looks at."""
+"""Start of the eye relative to the first agent, and the point ahead at the centre of its view."""
 
 
 def format_agent_path(agent: Agent) -> str:
@@ -55,7 +55,7 @@ def build_blueprint(
 
     Args:
         agents: All agents.
-        shown: Sequence of what is shown of each agent in the first frame.
+        shown: Shown data of each agent in the first frame.
         world_from_first: (4, 4) pose of the first agent.
         map_tiles: Whether the map has tiles.
     """
@@ -99,7 +99,7 @@ def build_blueprint(
 
 
 def _build_eye_controls(agent: Agent, world_from_agent: Matrix) -> rrb.EyeControls3D:
-    """Place the eye behind and above an agent, and let it follow the agent."""
+    """Place the eye behind and above an agent, tracking the agent."""
     # Only the heading counts: on a slope the eye would look at the sky or at the ground.
     heading = poses.to_yaw_pitch_roll(world_from_agent)[0]
     level = poses.pose_matrix(world_from_agent[:3, 3], yaw=heading)

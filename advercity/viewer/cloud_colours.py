@@ -1,4 +1,4 @@
-"""Colours of LiDAR points: by intensity, by class, or by what returned them."""
+"""Colours of LiDAR points: by intensity, by class, or by kind of return."""
 
 from typing import Literal, get_args
 

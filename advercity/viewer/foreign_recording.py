@@ -1,4 +1,4 @@
-"""Recordings of scenarios of other programs, which have no spec: only what is in their files."""
+"""Recordings of scenarios of other programs, without a spec: only the content of their files."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ def write_foreign_recording(path: Path, layout: str, file: Path) -> None:
         file: Recording to write.
 
     Raises:
-        InputError: The folder has no scenario of that layout, or several, or a file is damaged.
+        InputError: The folder has no scenario of this layout, or several, or a file is damaged.
     """
     scenario, *others = open_foreign_scenarios(path, layout)
     if others:
@@ -92,7 +92,7 @@ def _log_sensors(stream: rr.RecordingStream, view: AgentView) -> None:
 
 
 def _to_boxes3d(boxes: Boxes) -> rr.Boxes3D:
-    """Convert the boxes that an agent annotates, with their classes and ids."""
+    """Convert the boxes annotated by an agent, with their classes and ids."""
     # Rerun has the real part of a quaternion last.
     quaternions = [np.roll(poses.to_quaternion(pose), -1) for pose in boxes.world_from_box]
     names = zip(boxes.classes.tolist(), boxes.ids.tolist(), strict=True)

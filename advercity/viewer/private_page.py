@@ -1,7 +1,7 @@
-"""Forwards Rerun's page to browsers of this machine, with a policy that keeps it from the Internet.
+"""Forwards Rerun's page to browsers of this machine, with a policy blocking the Internet.
 
-By itself the page sends usage data, asks for releases and loads fonts, whatever Rerun's settings
-say. Browsers enforce the policy.
+Without it the page sends usage data, asks for releases and loads fonts, despite Rerun's settings.
+Browsers enforce the policy.
 """
 
 import shutil

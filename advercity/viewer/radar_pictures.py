@@ -12,7 +12,7 @@ from advercity.sensors.measurements import RadarDetections
 from advercity.sensors.sensor_frame import RadarScan
 
 FULL_COLOUR_M_S = 15.0
-"""Radial velocity with a full colour: red for what moves away, blue for what comes closer."""
+"""Radial velocity with a full colour: red for receding objects, blue for approaching ones."""
 MAX_LEVEL_DB = 50.0
 _STILL, _AWAY, _CLOSER = (
     np.array(colour) for colour in ((220, 220, 220), (230, 40, 30), (40, 70, 255))

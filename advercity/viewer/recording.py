@@ -1,7 +1,7 @@
-"""Sends a run frame by frame to Rerun: to a file, to viewers that connect, or to a running viewer.
+"""Sends a run frame by frame to Rerun: to a file, to connecting viewers, or to a running viewer.
 
-Sinks are checked before anything is sent: Rerun itself only logs that a port is taken or that no
-viewer answers, and goes on.
+Sinks are checked before anything is sent: if a port is taken or no viewer answers, Rerun itself
+only logs it and goes on.
 """
 
 import math
@@ -51,7 +51,7 @@ def compute_weather_quantities(
     """Compute the plotted quantities of a frame's weather, by name with the unit at its end.
 
     The visibility is the meteorological optical range; it is absent if nothing limits it. The
-    illuminance is that of level ground in the open: sun, sky and street lamps.
+    illuminance is on level ground in the open: sun, sky and street lamps.
     """
     weather, atmosphere = timeline.weather_at(frame), timeline.atmosphere_at(frame, land_use)
     quantities = {
@@ -67,7 +67,7 @@ def compute_weather_quantities(
 def check_recording_file(path: Path) -> None:
     """Raise an InputError if a file is no recording by its name, or may not be replaced."""
     if path.is_dir() or path.suffix != ".rrd":
-        # Of any other suffix it may be a spec, after an option that takes a file.
+        # A file with another suffix may be a spec, after an option for a file.
         what = "is a folder" if path.is_dir() else "is no name of a recording"
         raise InputError(f"{path}: {what}; name a file that ends in .rrd")
     check_output(path)
@@ -75,10 +75,10 @@ def check_recording_file(path: Path) -> None:
 
 @contextmanager
 def open_recording_file(path: Path) -> Generator[Path]:
-    """Yield the path of a recording that is not complete; at the end it becomes `path`.
+    """Yield the path of an incomplete recording; at the end it becomes `path`.
 
     Raises:
-        InputError: The name is no recording's, or a file of that name may not be replaced.
+        InputError: The name is no recording's, or a file of this name may not be replaced.
         RunError: The file cannot be written.
     """
     check_recording_file(path)
@@ -240,7 +240,7 @@ class RerunRecording:
         self._stream.log(blueprint.MAP_ROAD, self._map.to_lane_lines(lanes), static=True)
 
     def _log_sensors(self, item: SensorFrame, shown: Sequence[Shown]) -> None:
-        """Log what is shown of an agent's sensors, below the agent where it is in the scene."""
+        """Log the shown data of an agent's sensors, below the agent if it is in the scene."""
         log, agent = self._stream.log, item.agent
         agent_from_world = poses.invert_pose(item.world_from_agent)
         log(blueprint.format_agent_path(agent), archetypes.to_transform3d(item.world_from_agent))
@@ -299,7 +299,7 @@ class RerunRecording:
 
 
 def list_shown(item: SensorFrame, colouring: CloudColour) -> list[Shown]:
-    """List what is shown of all measurements of an agent."""
+    """List the shown data of all measurements of an agent."""
     return [
         shown
         for kind in load_sensor_kinds().found.values()

@@ -1,4 +1,4 @@
-"""What viewers show of the sensors of advercity."""
+"""Views of advercity's sensors in viewers."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from advercity.viewer.thermal_pictures import draw_thermal
 
 DETECTION_PX = 3.0
 POINT_PX, ECHO_PX = 1.5, 0.5
-"""Sizes on the screen; returns of fog, rain and spray are so small that the scene shows through."""
+"""Sizes on the screen; returns of fog, rain and spray are small, so the scene shows through."""
 
 
 def show_camera(item: SensorFrame, number: int, colouring: CloudColour) -> tuple[Shown, ...]:

@@ -1,4 +1,4 @@
-"""What a viewer shows of a measurement, in plain arrays: kinds of sensors need not know Rerun."""
+"""A viewer's data of a measurement, in plain arrays: kinds of sensors need not know Rerun."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ class Picture:
         sensor: Name of the sensor, unique in its agent: `camera0`.
         title: Title of the view.
         pixels: (h, w, 3) RGB.
-        pose: (4, 4) in the world, body axes, of an image that is in the scene too.
+        pose: (4, 4) in the world, body axes, of an image also shown in the scene.
         model: Its projection; with a pose only.
-        group: Beginning of the path of an image that is not in the scene.
+        group: Beginning of the path of an image outside the scene.
         is_label: Whether its colours are labels, which must not be compressed with losses.
     """
 
@@ -79,4 +79,4 @@ class Place:
 
 Shown = Picture | Points | Curve | Place
 ShowFunction = Callable[[SensorFrame, int, CloudColour], Sequence[Shown]]
-"""Lists what is shown of the measurement with that number, with points of clouds in a colouring."""
+"""Lists the shown data of the measurement with a number, with points of clouds in a colouring."""

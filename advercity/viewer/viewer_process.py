@@ -33,7 +33,7 @@ def format_stream_address(port: int = DEFAULT_PORT) -> str:
 
 
 def format_page_address(stream: str, *, web_port: int = WEB_PORT) -> str:
-    """Return the address of the page that shows a stream."""
+    """Return the address of the page of a stream."""
     return f"http://{LOOPBACK_ADDRESS}:{web_port}/?url={quote(stream, safe='')}"
 
 
@@ -43,8 +43,8 @@ def show(source: str, *, web: bool, map_tiles: bool = False, analytics: bool = F
     Args:
         source: Recording (`.rrd`), or the address of a stream.
         web: In a browser, which is opened.
-        map_tiles: Let the page fetch map tiles.
-        analytics: Let Rerun send usage data, if its own settings do.
+        map_tiles: Allow the page to fetch map tiles.
+        analytics: Allow Rerun to send usage data, if its own settings do.
 
     Raises:
         RunError: The viewer fails.
@@ -72,14 +72,14 @@ def open_page(
     map_tiles: bool = False,
     analytics: bool = False,
 ) -> Generator[Viewer]:
-    """Serve the page that shows a recording or a stream, to browsers of this machine.
+    """Serve the page of a recording or a stream to browsers of this machine.
 
     Args:
         source: Recording (`.rrd`), or the address of a stream.
         port: Port at which the page finds a recording.
         web_port: Port of the page.
-        map_tiles: Let the page fetch map tiles.
-        analytics: Let the page use the Internet as it likes, to send usage data.
+        map_tiles: Allow the page to fetch map tiles.
+        analytics: Allow the page to use the Internet as it likes, to send usage data.
 
     Raises:
         RunError: The viewer does not start, or a port is taken.
@@ -103,7 +103,7 @@ def check_port(port: int, remedy: str = "close it") -> None:
     """Check that a port of this machine is free; RunError, with a remedy, if it is taken."""
     try:
         with socket.socket() as probe:
-            # As Rerun's server does; else a port of a run that has just ended counts as taken.
+            # As in Rerun's server; else a port of a finished run counts as taken for a while.
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((LOOPBACK_ADDRESS, port))
     except OSError as error:
