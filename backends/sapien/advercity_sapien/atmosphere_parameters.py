@@ -1,4 +1,4 @@
-"""What the shaders read of an atmosphere: parameters of the table, and textures of sky and air."""
+"""The shaders' inputs from an atmosphere: parameters of the table, textures of sky and air."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,7 +36,7 @@ def build_airlight_texture(atmosphere: Atmosphere) -> Float32Array:
 
 
 def compute_light_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike]:
-    """Compute the values of the table's parameters that follow from light, by name."""
+    """Compute the table's parameters derived from light, by name."""
     return {
         "horizon_airlight": np.multiply(atmosphere.horizon_airlight, KILO),
         "night": NIGHT if atmosphere.is_dark else DUSK if atmosphere.night else 0.0,
@@ -47,7 +47,7 @@ def compute_light_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike]:
 
 
 def compute_air_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike]:
-    """Compute the values of the table's parameters that follow from air and ground, by name."""
+    """Compute the table's parameters derived from air and ground, by name."""
     weather = compute_surface_weather(atmosphere)
     return {
         "extinction": atmosphere.extinction.at_550nm,
@@ -64,8 +64,8 @@ def compute_air_parameters(atmosphere: Atmosphere) -> dict[str, ArrayLike]:
 def compute_irradiance_harmonics(sky: Float32Array) -> Float64Array:
     """Project the irradiance by a sky (6, n, n, 3) on spherical harmonics: (9, 3) in lx.
 
-    Second order leaves an error of some per cent; the coefficients are scaled so that a horizontal
-    surface gets exactly what the sky sends it.
+    Second order leaves an error of some per cent; the coefficients are scaled so a horizontal
+    surface gets the sky's exact irradiance.
     """
     size = sky.shape[1]
     directions = cubemap_directions(size).reshape(-1, 3)
@@ -82,7 +82,7 @@ def compute_irradiance_harmonics(sky: Float32Array) -> Float64Array:
 
 
 def _harmonic_basis(directions: Float64Array) -> Float64Array:
-    """Evaluate the polynomials (n, 9) of real harmonics that `skyIrradiance` in GLSL has."""
+    """Evaluate the polynomials (n, 9) of real harmonics, as `skyIrradiance` in GLSL."""
     x, y, z = directions.T
     return np.stack(
         [np.ones_like(x), y, z, x, x * y, y * z, 3 * z * z - 1, x * z, x * x - y * y], axis=1

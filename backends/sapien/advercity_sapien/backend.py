@@ -1,4 +1,4 @@
-"""The backend that the core finds by name: capabilities of this machine, and open renderers.
+"""The backend, found by name: capabilities of this machine, and open renderers.
 
 The Vulkan device is probed in a child process: without a usable driver SAPIEN may abort the
 process instead of raising.
@@ -41,7 +41,7 @@ INSTALL_HINT = (
 
 @dataclass(frozen=True)
 class VulkanDevice:
-    """A Vulkan device that SAPIEN can render on."""
+    """A Vulkan device for rendering with SAPIEN."""
 
     name: str
     is_cuda: bool
@@ -54,13 +54,13 @@ class VulkanDevice:
 
     @property
     def sapien_name(self) -> str:
-        """What SAPIEN calls it."""
+        """SAPIEN's name of it."""
         return "cuda" if self.is_cuda else "cpu"
 
 
 @cache
 def find_vulkan_device() -> VulkanDevice:
-    """Find the best device; a GPU before the CPU. BackendError says what to do if none exists."""
+    """Find the best device; a GPU before the CPU. BackendError with a remedy if none exists."""
     try:
         child = subprocess.run(  # noqa: S603
             [sys.executable, "-c", PROBE_SCRIPT],
@@ -96,7 +96,7 @@ class SapienBackend:
     name = "sapien"
 
     def capabilities(self) -> Capabilities:
-        """Report what SAPIEN can do on this machine; BackendError if no Vulkan device exists."""
+        """Report SAPIEN's features on this machine; BackendError if no Vulkan device exists."""
         _drop_driver_settings()
         device = find_vulkan_device()
         return Capabilities(
@@ -136,7 +136,7 @@ class SapienBackend:
 
 
 def _drop_driver_settings() -> None:
-    """Drop settings of Mesa's software driver that change images, which no manifest would tell.
+    """Drop settings of Mesa's software driver: they change images without a trace in manifests.
 
     Shaders may stay without optimisation: their images are the same to the bit.
     """
@@ -151,9 +151,9 @@ _kept: list["sapien.render.RenderSystem"] = []
 def _keep_compiled_shaders(device: "sapien.Device", profile: RenderProfile) -> None:
     """Keep SAPIEN's engine for the renderers to come if it keeps their shaders, too.
 
-    The engine ends with the last object that uses it. It keeps shaders of raster packs, but
-    compiles those of a ray-traced pack for every scene, and Mesa's cache on disk, which saves
-    most of that, knows them by their number within the engine: a new engine counts anew.
+    The engine ends with the last object using it. It keeps shaders of raster packs, but
+    compiles ray-traced packs for every scene. Mesa's cache on disk saves most of this work, but
+    identifies shaders by their number within the engine: a new engine counts anew.
     """
     import sapien
 

@@ -1,4 +1,4 @@
-"""What is close above the ground, seen from above: it leaves little of the sky's light below.
+"""Things close above the ground, seen from above: little of the sky's light is left below.
 
 Probes are too far apart for the dark under a car, and the image shows too little of it. From the
 ground under an actor's box, or under static things such as parked cars and benches, a fraction of
@@ -21,19 +21,19 @@ CLEARANCE_M = 0.6
 """Gap below static things up to which they darken the ground."""
 REACH_M = 2.0 * CLEARANCE_M
 STANDING_M = 0.01
-"""Depth under the ground down to which a face of what stands on it may be."""
+"""Greatest depth under the ground of a standing thing's lower face."""
 PLANTS = (Semantic.VEGETATION,)
 GAP_HIDES, GAP_BLUR_M = 0.92, 0.15
-"""Fraction of the sky that a body hides from the ground under it, and how soft its outline is."""
+"""Fraction of the sky hidden by a body from the ground under it, and softness of its outline."""
 SIDES_HIDE, SIDES_BLUR_M = 0.4, 0.9
 """The same of its sides, as far as the ground around it."""
 
 
 class ContactMap:
-    """Fraction of the sky's light, 0 to 255, that things on the ground leave to it.
+    """Fraction of the sky's light, 0 to 255, left on the ground by things on it.
 
     Attributes:
-        texels: (h, w) uint8 over the extent of the probes, for the frame that was placed last.
+        texels: (h, w) uint8 over the extent of the probes, for the latest frame placed.
     """
 
     def __init__(self, world: World, probes: LightProbes) -> None:
@@ -53,7 +53,7 @@ class ContactMap:
             return
         covered = self._static.copy()
         for state in frame.states:
-            # OpenCV fills all pixels that an outline touches.
+            # OpenCV fills all pixels touched by an outline.
             length, width = (max(0.0, size - self._texel_m) for size in state.actor.size[:2])
             corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * (length / 2.0, width / 2.0)
             world = corners @ state.world_from_body[:2, :2].T + state.world_from_body[:2, 3]
@@ -83,7 +83,7 @@ def _find_low_things(
     things = Raycaster(select_static(world, *set(Semantic).difference(GROUND_CLASSES, PLANTS)))
     ground = Raycaster(select_static(world, *GROUND_CLASSES)).cast(Rays(origins, down), REACH_M)
     below, above = (things.cast(Rays(origins, way), REACH_M) for way in (down, -down))
-    # What stands on the ground has a face in its plane.
+    # A thing standing on the ground has a face in the ground's plane.
     is_low = np.isfinite(below.range_m) & (below.range_m < ground.range_m + STANDING_M)
     is_low |= (above.range_m < CLEARANCE_M) & (above.semantic == Semantic.VEHICLE)
     return is_low.reshape(rows, columns).astype(np.float32)

@@ -1,7 +1,7 @@
-"""Restricts a rasterised image to the bodies that can show in it; SAPIEN draws all it has.
+"""Restricts a rasterised image to the bodies possibly visible; SAPIEN draws all it has.
 
-On a CPU most of the time of a small image goes into vertices, and most of those are out of view.
-The sun's shadow maps are here too, as bodies that cast shadows into view have to be drawn.
+On a CPU most of the time of a small image goes into vertices, and most of these are out of view.
+The sun's shadow maps are here too: bodies casting shadows into view must be drawn.
 """
 
 import math
@@ -53,10 +53,10 @@ class ConvexVolume:
         return ConvexVolume(rotated, offsets + rotated @ world_from_body[:3, 3])
 
     def sweep(self, direction: Float64Array) -> "ConvexVolume":
-        """Compute the volume that this one sweeps as it moves in a direction (3,) without end.
+        """Compute the volume swept by this one moving in a direction (3,) without end.
 
-        Planes that it does not leave stay. Of each of these and each other one the weighted sum
-        along which it moves bounds it, too (Fourier-Motzkin elimination of the distance).
+        Planes it does not leave stay bounds. So does the weighted sum of each of these with each
+        other plane, parallel to the motion (Fourier-Motzkin elimination of the distance).
         """
         inward = self.normals @ direction
         stays, leaves = np.flatnonzero(inward >= 0.0), np.flatnonzero(inward < 0.0)
@@ -67,7 +67,7 @@ class ConvexVolume:
         return ConvexVolume(swept[:, :3], swept[:, 3])
 
     def intersect(self, other: "ConvexVolume", *, margin_m: float) -> "ConvexVolume":
-        """Compute the part of this volume that is in another, or less than a margin from it."""
+        """Compute the part of this volume in another, or less than a margin from it."""
         margin = margin_m * np.linalg.norm(other.normals, axis=1)
         return ConvexVolume(
             np.concatenate([self.normals, other.normals]),
@@ -91,7 +91,7 @@ class PixelRect:
 
 
 def compute_view_frustum(view: CameraView, part: PixelRect | None = None) -> ConvexVolume:
-    """Compute the volume that a camera or a part of its image sees, without near and far planes."""
+    """Compute the volume seen by a camera or a part of its image, without near and far planes."""
     part = part or PixelRect(0, 0, view.width_px, view.height_px)
     focal_px = view.width_px / (2.0 * np.tan(view.horizontal_fov_rad / 2.0))
     left = 0.5 * view.width_px - part.left_px
@@ -136,7 +136,7 @@ class FrustumCuller:
         *,
         pixel_m: PixelRange,
     ) -> None:
-        """Add a body that stays, as in `add_body`, but is made when it is first to be seen.
+        """Add a body as in `add_body`, but make it when it first comes into view.
 
         Most finely detailed bodies are never near a camera, and take no memory then.
         """
@@ -174,9 +174,9 @@ class FrustumCuller:
         self._centre[self._numbers[body]] = centre
 
     def show_only(self, volumes: Sequence[ConvexVolume], view: CameraView) -> None:
-        """Show the bodies that may intersect one of the volumes, and hide all others.
+        """Show the bodies possibly inside one of the volumes, and hide all others.
 
-        Of levels of detail those are shown that suit a view.
+        Levels of detail are shown if they suit the view.
         """
         shown = np.any([part.may_intersect(self._centre, self._half) for part in volumes], axis=0)
         away = self._centre - view.world_from_camera[:3, 3]
@@ -194,10 +194,10 @@ class FrustumCuller:
 
 
 class SunShadow:
-    """Shadow maps that follow the camera; none where there is no direct sun.
+    """Shadow maps following the camera; none without direct sun.
 
     Attributes:
-        caster_volumes: Volume of what may cast shadows into view, for each map.
+        caster_volumes: Volume of possible casters of shadows into view, for each map.
     """
 
     def __init__(
@@ -225,14 +225,14 @@ class SunShadow:
         self._world_from_light = _rotation_along(-atmosphere.sun_direction)
 
     def update(self, view: CameraView) -> None:
-        """Move the maps to what a camera sees."""
+        """Move the maps into the view of a camera."""
         places = zip(self._entities, self._cascades, strict=False)
         self.caster_volumes = [self._place(entity, view, *cascade) for entity, cascade in places]
 
     def _place(
         self, entity: sapien.Entity, view: CameraView, half_m: float, ahead_m: float
     ) -> ConvexVolume:
-        """Move a map, in whole texels so that edges do not crawl, and find what casts into view."""
+        """Move a map, in whole texels to keep edges still, and find the casters into view."""
         camera = view.world_from_camera
         centre = self._world_from_light.T @ (camera[:3, 3] + ahead_m * camera[:3, 0])
         texel = 2.0 * half_m / SHADOW_TEXELS
@@ -251,7 +251,7 @@ class SunShadow:
 
 
 def _rotation_along(direction: Float64Array) -> Matrix:
-    """Compute a rotation (3, 3) that takes the x axis to a unit direction (3,)."""
+    """Compute a rotation (3, 3) from the x axis to a unit direction (3,)."""
     # The roll about the direction decides where the map's texels lie, and so the edges of shadows.
     helper = np.array([0.0, 0.0, 1.0]) if abs(direction[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
     left = np.cross(helper, direction)

@@ -1,7 +1,7 @@
 """Smooths the edges of an image: draws its surfaces again, four in each pixel, tile by tile.
 
 Light is computed once in a pixel, at its middle. Where samples around a middle show other surfaces,
-each has the light of the nearest middles that show its surface. Tiles bound the memory.
+each has the light of the nearest middles with the same surface. Tiles bound the memory.
 """
 
 import math
@@ -44,9 +44,9 @@ class EdgeSmoother:
     def smooth(
         self, middles: Float32Array, view: CameraView, show: Callable[[PixelRect], None]
     ) -> Float32Array:
-        """Compute the mean radiance of pixels (h, w, 4) from that at their middles (h, w, 4).
+        """Compute the mean radiance of pixels (h, w, 4) from the one at their middles (h, w, 4).
 
-        The fourth channel stays. `show` makes visible what may be seen in a part of the image.
+        The fourth channel stays. `show` turns on the bodies of a part of the image.
         """
         self._middles.upload(middles)
         focal_px = view.width_px / (2.0 * math.tan(view.horizontal_fov_rad / 2.0))
@@ -66,7 +66,7 @@ class EdgeSmoother:
             show(tile)
             self._scene.update_render()
             self._camera.take_picture()
-            # What later tiles have inside is overwritten, so only margins before them are left out.
+            # The inside of later tiles is overwritten, so only margins before them are left out.
             found = self._camera.get_picture("Smooth")[: tile.height_px, : tile.width_px]
             top, left = (MARGIN_PX if edge else 0 for edge in (tile.top_px, tile.left_px))
             smooth[tile.top_px :, tile.left_px :][top : tile.height_px, left : tile.width_px] = (
@@ -76,7 +76,7 @@ class EdgeSmoother:
 
 
 def cut_into_tiles(width_px: int, height_px: int) -> Iterator[PixelRect]:
-    """Cut an image into parts of one size that overlap by two margins or more."""
+    """Cut an image into parts of one size, overlapping by two margins or more."""
     count = math.ceil(math.sqrt(width_px * height_px / MAX_TILE_PX))
     width, height = (
         min(math.ceil(size / count) + 2 * MARGIN_PX, size) for size in (width_px, height_px)

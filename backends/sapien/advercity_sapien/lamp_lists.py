@@ -1,9 +1,9 @@
-"""Lists of the lamps that matter where, so that shaders stay cheap with hundreds of lamps.
+"""Lists of the relevant lamps by place: shaders stay cheap with hundreds of lamps.
 
-A surface looks up all lamps of its cell of the ground that matter there and, if it is wet, those of
+A surface looks up all relevant lamps of its cell of the ground and, if it is wet, the lamps of
 the bearing under which it is seen: it may mirror them from far beyond their range. Air looks up the
 lamps whose glow may be seen in its tile of the image. Lamps fade to nothing where lists end, so
-that no edges show.
+no edges show.
 """
 
 from collections.abc import Sequence
@@ -33,26 +33,26 @@ from advercity_sapien.shader_table import (
 GRID_MARGIN_M = 60.0
 """Margin of the cells around all lamps and the ends of all beams."""
 MAX_RANGE_M = 300.0
-"""Longest distance that a lamp lights."""
+"""Longest distance lit by a lamp."""
 NEGLIGIBLE_FRACTION = 1e-3
-"""Fraction of the light that is everywhere which need not be shown."""
+"""Negligible fraction of the light present everywhere."""
 MIN_ILLUMINANCE_LX, MIN_LUMINANCE_CD_M2 = 1e-3, 1e-4
 NEGLIGIBLE_SKY_FRACTION = 0.01
 """Fraction of the sky's mean luminance which glow need not exceed to be left out.
 
-The airlight is no measure: it is what air without end would have, and clear air hides no glow.
+The airlight is no measure: it belongs to air without end, and clear air hides no glow.
 """
 MAX_SCATTERED_FRACTION = 0.05
-"""Light that fog scatters out of a beam, at a point, to what it would have there in clear air."""
+"""Greatest ratio of light scattered out of a beam by fog, at a point, to its light in clear air."""
 DROPLETS = DropletPhaseLobes.from_diameter_um(DROPLET_UM)
 STREET_LAMP_HEIGHT_M = 6.0
-"""Least height of a street lamp above what it lights."""
+"""Least height of a street lamp above lit surfaces."""
 LOW_BEAM_SIGMA_RAD = np.radians(LOW_BEAM.horizontal_sigma_deg)
 """Horizontal spread of a low beam; front fog lamps are wider, which only costs list entries."""
 STRAY_BEAM_FRACTION = 0.1
-"""Fraction of a beam's peak that leaves it upwards and to the sides, into the eyes of others."""
+"""Fraction of a beam's peak leaving it upwards and to the sides, into the eyes of others."""
 FOG_BEAM_LENGTH_M, MAX_NEARBY_BEAMS, BEAM_VISIBLE_RANGE_M = 40.0, 6, 60.0
-"""Length of a beam in fog; number of beams that are seen from all sides, and from how far."""
+"""Length of a beam in fog; number of beams visible from all sides, and from how far."""
 BEAM_LUMINANCE_FACTOR = 4e-3
 """Luminance of a beam seen from behind, by its peak and the extinction (weather reference)."""
 HALO_COEFFICIENT, HALO_EXPONENT = 75.0, 1.9
@@ -120,7 +120,7 @@ class LampLists:
         return np.minimum(np.where(self._kind == LampPattern.STREET, street, other), MAX_RANGE_M)
 
     def _find_pairs(self) -> NDArray[np.bool_]:
-        """Find lamps (n,) that are the first of a pair, of which the second is the next lamp."""
+        """Find lamps (n,) at the first place of a pair; the second is the next lamp."""
         first, second = slice(None, -1), slice(1, None)
         width = np.linalg.norm(np.diff(self._position, axis=0), axis=1)
         alike = (
@@ -147,10 +147,10 @@ class LampLists:
         return float(low[0]), float(low[1]), float(per_m[0]), float(per_m[1])
 
     def _list_by_cell(self) -> tuple[NDArray[np.int_], Float32Array]:
-        """List lamps that light a point of a cell more than faintly.
+        """List lamps lighting a point of a cell more than faintly.
 
-        First texels of the lists of cells and those after their last (cells, 2), and the lamps of
-        all lists (CELL_LAMPS,), four in a texel, -1 where there is none.
+        First texels of the lists of cells and the ones after their last (cells, 2), and the lamps
+        of all lists (CELL_LAMPS,), four in a texel, -1 where there is none.
         """
         x, y, per_x, per_y = self.cell_grid
         middle = np.arange(GRID_CELLS) + 0.5
@@ -161,7 +161,7 @@ class LampLists:
         nearest = np.maximum(distance - half_m, 0.0)
         off_axis = _horizontal_angle(away, distance, self._facing[:, :2])
         cell_rad = np.arcsin(half_m / np.maximum(distance, half_m))
-        # A cell that holds the lamp is in every direction from it, whatever its middle says.
+        # The lamp's own cell is in every direction from it, whatever the direction of its middle.
         off_axis = np.where(distance < half_m, 0.0, np.maximum(off_axis - cell_rad, 0.0))
         lux = self._intensity_cd * np.select(
             [self._kind == LampPattern.STREET, self._is_beam],
@@ -180,7 +180,7 @@ class LampLists:
         return _pack_lists(np.where(merged, 2.0, 1.0) * lux, merged, self._faint_lx)
 
     def _fraction_left(self, distance: FloatArray) -> FloatArray:
-        """Compute the fraction (cells, n) of lamps' light that fog leaves at distances (cells, n).
+        """Compute the fraction (cells, n) of lamps' light left by fog at distances (cells, n).
 
         As the shaders have it: street lamps lose nothing, and of a beam fog scatters a part down.
         """
@@ -226,7 +226,7 @@ class LampLists:
         return _select_highest(np.where(seen, lux, 0.0), LAMPS_PER_BEARING, MIN_ILLUMINANCE_LX)
 
     def _intensity_towards(self, eye: FloatArray) -> FloatArray:
-        """Compute the intensity (n,) in cd that each lamp sends roughly towards an eye (3,)."""
+        """Compute the rough intensity (n,) in cd of each lamp towards an eye (3,)."""
         away = eye - self._position
         distance = np.maximum(np.linalg.norm(away, axis=1), 0.1)
         level = np.maximum(np.hypot(away[:, 0], away[:, 1]), 0.1)
@@ -243,7 +243,7 @@ class LampLists:
     def _compute_nearness(self, eye: FloatArray) -> FloatArray:
         """Compute how much (n,) of beams around an eye (3,) is seen from all sides, 0 to 1.
 
-        The few nearest ones are in every tile, and fade with their distance, so that none of them
+        The few nearest ones are in every tile, and fade with their distance, so none of them
         begins or ends suddenly.
         """
         away = eye - self._position

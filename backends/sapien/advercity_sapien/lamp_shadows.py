@@ -3,7 +3,7 @@
 SAPIEN's shadow maps belong to its own lights, each with a pass over the scene, and a street has
 hundreds of lamps. Here Embree casts a small map for every lamp once a frame, and all cameras
 of the frame use it. The ground casts no shadows: hardly any light of a street is hidden by it,
-and lamps are so low above it that a texel holds many metres of it.
+and lamps are so low above it: a texel holds many metres of it.
 """
 
 from collections.abc import Sequence
@@ -110,7 +110,7 @@ class LampShadows:
 
 
 def _end_above_ground(reach: Float32Array, layout: ReachMap) -> None:
-    """Give rays that pass below the ground the reach of those above them: they miss all walls."""
+    """Give rays below the ground the reach of the ones above them: they miss all walls."""
     slope = layout.list_rays()[:: layout.columns, 1]
     for row in np.flatnonzero(slope < 0.0)[::-1]:
         is_below = reach[:, row] > -LAMP_HEIGHT_M / slope[row]
@@ -118,10 +118,10 @@ def _end_above_ground(reach: Float32Array, layout: ReachMap) -> None:
 
 
 def _compute_axes(facing: FloatArray) -> FloatArray:
-    """Compute the axes (n, 3, 3) of lamps that face directions (n, 3): right, up and ahead."""
+    """Compute the axes (n, 3, 3) of lamps facing directions (n, 3): right, up and ahead."""
     x, y, _ = facing.T
     level = np.hypot(x, y)
-    # Of a lamp that faces straight down, east is on the right.
+    # A lamp facing straight down has east on the right.
     is_level = level > 0.0
     level = np.where(is_level, level, 1.0)
     right = np.stack([np.where(is_level, y / level, 1.0), -x / level, np.zeros_like(x)], axis=-1)

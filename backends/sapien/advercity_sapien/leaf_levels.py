@@ -1,6 +1,6 @@
 """Levels of detail of leaves: far away few large ones are drawn for many small ones.
 
-A random part of the leaves is kept, and enlarged so that their area stays the same (stochastic
+A random part of the leaves is kept, and enlarged to keep their total area (stochastic
 simplification of aggregate detail, Cook et al. 2007).
 """
 
@@ -17,14 +17,14 @@ from advercity_sapien.culling import ANY_PIXEL, PixelRange
 LEAF_MATERIALS = frozenset(
     name for name, material in MATERIALS.items() if material.texture is Texture.LEAVES
 )
-"""Materials of meshes that consist of single leaves."""
+"""Materials of meshes of single leaves."""
 UPRIGHT_MATERIALS = frozenset(
     {"grass_blades", "grass_blades_dull", "crop_stalks", "crop_ears", "straw", "seedlings"}
 )
 """Materials of blades from two corners at the root to a tip, which grow wider but never longer."""
 WIDENING = 0.6
-"""Power of the number of blades that one stands for, by which it is wider. The area of all would
-need 1, but blades stand before others, and one that wide would be no blade."""
+"""A blade standing for others is wider by this power of their number. Equal area would need 1, but
+blades hide each other, and one so wide would be no blade."""
 REDUCTION, LEVELS = 4, 3
 """Leaves of a level for one of the next, and how many levels there are."""
 PIXELS_PER_LEAF = 2.0
@@ -36,7 +36,7 @@ LEAST_LEAVES = 200
 def list_levels(mesh: Mesh) -> Iterator[tuple[int, PixelRange]]:
     """List the levels of a mesh: which part of the leaves each keeps, as `thin_out` takes it.
 
-    The sizes of a pixel in metres are those for which the level is drawn.
+    Each level is drawn for these sizes of a pixel in metres.
     """
     if mesh.material not in LEAF_MATERIALS or len(mesh.triangles) < LEAST_LEAVES:
         yield 1, ANY_PIXEL

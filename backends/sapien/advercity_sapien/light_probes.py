@@ -1,15 +1,15 @@
-"""Daylight at points of a grid: what walls, trees and roofs take of the sky, and what they reflect.
+"""Daylight at points of a grid: the sky hidden by walls, trees and roofs, and their reflections.
 
 The raster pack has light of the open sky alone. Here rays from every probe into all directions find
-the sky, or a surface with the sun's light, and through the air before it. Further passes add what
-surfaces reflect of the light that the probes next to them have found in the one before. The shaders
-take the ratio of this light to that in the open, so that the open stays as it was.
+the sky, or a surface with the sun's light, and the air before it. Further passes add the
+reflections of the light found by the probes next to surfaces in the pass before. The shaders
+take the ratio of this light to the open's, so the open stays as it was.
 
 Few directions would miss or hit small bright things all along a wall. So the four probes of a
-square look into directions that are turned against each other; smoothing takes as much of each.
+square look into directions turned against each other; smoothing takes as much of each.
 
-Light is kept as moments of the radiance over all directions: the integral of each colour, and those
-of luminance times the polynomials of the spherical harmonics of first and second order. Irradiance
+Light is kept as moments of the radiance over all directions: the integral of each colour, and of
+luminance times the polynomials of the spherical harmonics of first and second order. Irradiance
 follows from them within some per cent (Ramamoorthi and Hanrahan 2001). With the first order alone
 walls would have too much light from their sides: 6 % in all in a town.
 """
@@ -33,7 +33,7 @@ from advercity_sapien.skylines import NO_SKYLINES, SKYLINE_LEVEL, Skylines, bake
 from advercity_sapien.weathered_albedo import WeatheredAlbedo
 
 AWAY_M = 1.0
-"""How far before a surface its light is looked up, so that probes behind it count little."""
+"""How far before a surface its light is looked up, so probes behind it count little."""
 DARKEST = 0.05
 """Least irradiance relative to the mean over all directions: few harmonics may make it negative."""
 DIRECTION_COUNT, TURNS = 48, 4
@@ -56,13 +56,13 @@ class LightProbes:
 
     Attributes:
         light: (levels h, w, 4) float32, level upon level: ratio of the light of all directions to
-            that in the open by colour, then the height of the ground in metres.
-        shape: Two of (levels h, w, 4) float32: the moments that depend on direction, relative to
+                the light in the open by colour, then the height of the ground in metres.
+            shape: Two of (levels h, w, 4) float32: the directional moments, relative to
             the light of all directions.
         corner: South-western corner (x, y) of the grid, metres.
         size: Width and height, metres.
         open_shape: The shape (8,) in the open.
-        skylines: What hides the sky around each probe.
+        skylines: Obstacles before the sky around each probe.
     """
 
     light: Float32Array
@@ -161,7 +161,7 @@ class _Surroundings:
     """Light in the open, and the air.
 
     Attributes:
-        atmosphere: What all of it is of.
+        atmosphere: Source of all of it.
         albedo: Of surfaces as the weather leaves them.
         directions: (DIRECTION_COUNT, TURNS, 3) unit vectors.
         sky: (DIRECTION_COUNT, TURNS, 3) radiance of the sky and the open ground around each, cd/m².
@@ -195,7 +195,7 @@ class _Surroundings:
 
 
 def _average_around(directions: Float64Array, faces: Float32Array) -> Float64Array:
-    """Average a cubemap (6, n, n, c) over what is nearest to each direction (k, 3): (k, c)."""
+    """Average a cubemap (6, n, n, c) over the texels nearest to each direction (k, 3): (k, c)."""
     size = faces.shape[1]
     step = max(size // 64, 1)
     texels = cubemap_directions(size)[:, ::step, ::step].reshape(-1, 3)
@@ -208,12 +208,12 @@ def _average_around(directions: Float64Array, faces: Float32Array) -> Float64Arr
 
 @dataclass(frozen=True, eq=False)
 class _GatheredLight:
-    """Light at the n probes of a level, and what their rays hit.
+    """Light at the n probes of a level, and the hits of their rays.
 
     Attributes:
         moments: (n, MOMENTS) of the light of the sky, the air and surfaces in the sun.
         is_buried: (n,) whether a probe sees no sky.
-        hits: Of each direction, the surfaces that reflect more light.
+        hits: For each direction, the surfaces with further reflections.
     """
 
     moments: Float64Array
@@ -223,7 +223,7 @@ class _GatheredLight:
 
 @dataclass(frozen=True, eq=False)
 class _ReflectingHits:
-    """Surfaces that m rays of one direction hit, turned as those of their probes are.
+    """Surfaces hit by m rays of one direction, turned with their probes.
 
     Attributes:
         receiver: (m,) number of the probe on its level.
@@ -284,7 +284,7 @@ def _gather_light(
 def _compute_sunlight(
     raycaster: Raycaster, atmosphere: Atmosphere, points: FloatArray, hits: RayHits
 ) -> Float64Array:
-    """Compute the illuminance (n, 3) in lx by the sun at points (n, 3) of surfaces that are hit."""
+    """Compute the illuminance (n, 3) in lx by the sun at points (n, 3) of hit surfaces."""
     cosine = hits.normal @ atmosphere.sun_direction
     is_leaf = _IS_LEAF[hits.material]
     cosine = np.where(is_leaf & (cosine < 0.0), -TRANSMITTED_BY_LEAVES * cosine, cosine)
@@ -300,7 +300,7 @@ def _compute_sunlight(
 def _add_reflections(
     grid: ProbeGrid, around: _Surroundings, level: _GatheredLight, found: Float64Array
 ) -> Float64Array:
-    """Add what surfaces reflect of the light (levels, rows, columns, MOMENTS) at all probes."""
+    """Add surfaces' reflections of the light (levels, rows, columns, MOMENTS) at all probes."""
     moments, sources, turns = level.moments.copy(), found.reshape(-1, MOMENTS), grid.turns
     for hits, directions in zip(level.hits, around.directions, strict=True):
         lux = compute_irradiance(sources[hits.source], hits.normal.astype(np.float64))

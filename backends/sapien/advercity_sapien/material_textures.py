@@ -38,7 +38,7 @@ class MaterialTextures:
 
     Args:
         maps: The maps by name.
-        finest_m: Width of the finest detail on a surface that images show.
+        finest_m: Width of the finest visible detail on a surface.
     """
 
     def __init__(self, maps: Mapping[str, MaterialMaps], finest_m: float) -> None:
@@ -64,9 +64,9 @@ def compute_tone_texels(maps: MaterialMaps) -> tuple[NDArray[np.uint8], tuple[fl
     """Compute ratios of colour and roughness to their means, and the greatest of each colour.
 
     Returns:
-        Texels (h, w, 4), in bytes of the greatest ratio, and that of red, green and blue.
-        They are linear, so that means of texels, which the device takes for distant surfaces,
-        are means of light.
+        Texels (h, w, 4), in bytes of the greatest ratio, and the greatest ratios of red, green
+        and blue. They are linear: means of texels, taken by the device for distant surfaces, are
+        means of light.
     """
     means = maps.mean or (None, None, None)
     texels = np.empty((*maps.color.shape[:2], 4), np.uint8)
@@ -88,7 +88,7 @@ def compute_relief_texels(normal: Uint8Array) -> NDArray[np.int8]:
     """Compute x and y of normals (h, w, 2) in signed bytes.
 
     No unsigned byte is an even surface, and each halving for distant surfaces would tilt the mean
-    further: by some hundredths, a third of the light that a lamp sends along a road.
+    further: by some hundredths, a third of a lamp's light along a road.
     """
     return np.round((normal[..., :2] / 127.5 - 1.0) * 127.0).astype(np.int8)
 
@@ -96,7 +96,7 @@ def compute_relief_texels(normal: Uint8Array) -> NDArray[np.int8]:
 def _compute_ratios(
     image: Uint8Array, values: Float64Array, mean: float | None = None
 ) -> Float64Array:
-    """Compute ratios (256,) of the values of all bytes to a mean, or to that of an image (h, w)."""
+    """Compute ratios (256,) of the values of all bytes to a mean, or to an image's (h, w)."""
     if mean is None:
         mean = float(np.bincount(image.ravel(), minlength=256) @ values / image.size)
     return values / max(mean, 1e-6)

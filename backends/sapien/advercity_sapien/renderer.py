@@ -48,10 +48,10 @@ COMPACT_IMAGES = {
     ),
     **dict.fromkeys(("Levels", "Spread"), "R16G16B16A16Sfloat"),
 }
-"""Formats of the raster pack's images that need no single precision; SAPIEN gives every image 16
+"""Formats of the raster pack's images without single precision; SAPIEN gives every image 16
 bytes a texel. A format holds for a name in all packs, so the ray-traced one has other names."""
 MAX_RASTER_SAMPLES = 960 * 540 * 4
-"""Most samples of surfaces that are drawn at once, for want of memory: edges of larger images are
+"""Most samples of surfaces drawn at once, for want of memory: edges of larger images are
 smoothed tile by tile (`edges`)."""
 
 
@@ -61,7 +61,7 @@ nearer."""
 
 
 class SapienRenderer:
-    """Renders one world under an atmosphere that may change."""
+    """Renders one world under an atmosphere, which may change."""
 
     def __init__(
         self, world: World, atmosphere: Atmosphere, profile: RenderProfile, device: sapien.Device
@@ -143,7 +143,7 @@ class SapienRenderer:
         return NO_PROBES if self._is_ray_traced else bake_light_probes(self._world, atmosphere)
 
     def _build_light_maps(self, atmosphere: Atmosphere) -> SceneTexels:
-        """Build the textures that light decides."""
+        """Build the textures derived from light."""
         return {
             "Sky": build_sky_texture(atmosphere),
             "Airlight": build_airlight_texture(atmosphere),
@@ -214,14 +214,14 @@ class SapienRenderer:
         self._pending = camera, view
 
     def _fetch_images(self) -> Images:
-        """Wait for the image that was started, and copy its channels by name."""
+        """Wait for the image in progress, and copy its channels by name."""
         images, view = self._wait_for_images()
         if not self._is_ray_traced and self._count_samples_per_axis(view) == 1:
             images["Radiance"] = self._smooth_edges(images["Radiance"], view)
         return images
 
     def _wait_for_images(self) -> tuple[Images, CameraView]:
-        """Wait for the image that was started; return its channels by name, and its view."""
+        """Wait for the image in progress; return its channels by name, and its view."""
         assert self._pending is not None, "captures are fetched before the next are begun"
         camera, view = self._pending
         self._pending = None
@@ -238,7 +238,7 @@ class SapienRenderer:
         return images, view
 
     def _smooth_edges(self, middles: NDArray[np.float32], view: CameraView) -> NDArray[np.float32]:
-        """Compute mean radiance and depth (h, w, 4) of pixels from those at their middles."""
+        """Compute mean radiance and depth (h, w, 4) of pixels from values at their middles."""
         size = view.width_px, view.height_px
         if size not in self._smoothers:
             self._smoothers[size] = EdgeSmoother(self._scene, *size)
@@ -251,7 +251,7 @@ class SapienRenderer:
             return self._smoothers[size].smooth(middles, view, show)
 
     def _discard_pending(self) -> None:
-        """Wait for an image that nothing fetched: SAPIEN crashes if it is closed or reused."""
+        """Wait for an image not fetched: SAPIEN crashes if it is closed or reused."""
         if self._pending is not None:
             self._wait_for_images()
 
@@ -278,7 +278,7 @@ class SapienRenderer:
         self._scene.clear()
 
     def _configure_camera(self, view: CameraView) -> sapien.render.RenderCameraComponent:
-        """Set lens, pose and quality of the camera that has the view's size."""
+        """Set lens, pose and quality of the camera with the view's size."""
         samples = self._count_samples_per_axis(view)
         size = width, height = view.width_px * samples, view.height_px * samples
         camera = self._cameras.get(size) or self._add_camera(size)
@@ -314,14 +314,14 @@ class SapienRenderer:
         return camera
 
     def _compute_seed(self, view: CameraView) -> int:
-        """Derive a seed from frame and view alone, so that no image depends on the one before."""
+        """Derive a seed from frame and view alone: no image depends on the one before."""
         pose = view.world_from_camera.astype("<f8").tobytes().hex()
         key = "sapien", self._frame_index, view.width_px, view.height_px, pose
         return int(create_generator(*key).integers(2**31))
 
 
 def _find_scene_features(atmosphere: Atmosphere) -> tuple[bool, ...]:
-    """Find what decides the lights of a scene and the sizes of its textures."""
+    """Find the inputs of a scene's set of lights and its textures' sizes."""
     return (
         atmosphere.night,
         atmosphere.is_dark,

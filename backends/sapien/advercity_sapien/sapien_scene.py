@@ -31,18 +31,18 @@ from advercity_sapien.shader_constants import (
 )
 
 PAINT_MATERIAL = "paint"
-"""Material of the parts that have the paint of their actor."""
+"""Material of the parts with their actor's paint."""
 TWO_SIDED_CLASSES = frozenset({Semantic.VEGETATION})
 """Classes whose surfaces are seen from both sides; SAPIEN draws the front of triangles alone."""
 MESH_TILE_M, LEAF_TILE_M = 80.0, 32.0
-"""Size of the pieces of static meshes; those of leaves are drawn as coarsely as they are far."""
+"""Size of the pieces of static meshes; pieces of leaves get coarser with their distance."""
 MAX_TILE_ROWS = 2**20
 """More than any world has."""
 PARKED_POSE = sapien.Pose([0.0, 0.0, -1e4])
 """Pose of spare bodies: far below anything visible."""
 
 Piece = Wheel | Literal["details", "panes", "distant panes"] | None
-"""What of an actor is a body of its own; None is its shape without wheels and panes."""
+"""Parts of an actor with a body of their own; None is its shape without wheels and panes."""
 DETAIL_PIXEL_M = 0.15
 """Size of a pixel up to which raster images have details and windows to look through."""
 PIECE_PIXELS_M: dict[Piece, PixelRange] = {
@@ -51,9 +51,9 @@ PIECE_PIXELS_M: dict[Piece, PixelRange] = {
     "distant panes": (DETAIL_PIXEL_M, np.inf),
 }
 GLASS_SHADING_MODE = 1
-"""SAPIEN's number of the pass that draws panes, after all that is seen through them."""
+"""SAPIEN's number of the pass for panes, after everything behind them."""
 GLASS_ALPHA = 0.5
-"""Opacity by which ray-traced shaders know panes that are seen through."""
+"""Opacity marking transparent panes for ray-traced shaders."""
 ActorBodies = dict[Piece, RenderBody]
 Appearance = tuple[BodyShape, str]
 """A shape and its paint; actors of one appearance have the same meshes and materials."""
@@ -72,7 +72,7 @@ class RenderShapeCache:
     def create_shape(
         self, mesh: Mesh, paint: str = "", *, is_closed: bool = False
     ) -> sapien.render.RenderShape:
-        """Create a shape of a mesh that other bodies have, too; closed panes are opaque."""
+        """Create a shape of a mesh shared with other bodies; closed panes are opaque."""
         known = self._shapes.setdefault(mesh, {})
         key = paint if mesh.material == PAINT_MATERIAL else mesh.material, is_closed
         if key not in known:
@@ -81,7 +81,7 @@ class RenderShapeCache:
         return known[key].clone()
 
     def keep_only(self, meshes: Collection[Mesh]) -> None:
-        """Free the shapes of all but some meshes; bodies keep those that they have."""
+        """Free the shapes of all but some meshes; bodies keep theirs."""
         self._shapes = {mesh: made for mesh, made in self._shapes.items() if mesh in meshes}
 
     def create_static_shape(self, mesh: Mesh) -> sapien.render.RenderShape:
@@ -113,7 +113,7 @@ class RenderShapeCache:
         key = name, own_maps, axes, is_pane
         if key not in self._materials:
             known = MATERIALS[name]
-            # Emission is free to carry what the shaders need: they compute it from lens and lamps.
+            # Emission is free to carry data for the shaders, which compute it from lens and lamps.
             material = sapien.render.RenderMaterial(
                 emission=[float(LENS_KINDS.get(name, 0)), known.texture, is_snowless(name), 0.0],
                 base_color=[*known.albedo, GLASS_ALPHA if is_pane else 1.0],
@@ -140,7 +140,7 @@ def split_into_tiles(mesh: Mesh) -> Iterator[NDArray[np.int32] | None]:
         yield None
         return
     order = np.argsort(tile, kind="stable").astype(np.int32)
-    # Copies, or a tile that is kept would keep the rows of all.
+    # Copies, or one kept tile would keep the rows of all.
     parts = np.split(order, np.flatnonzero(np.diff(tile[order])) + 1)
     yield from (part.copy() for part in parts if len(part))
 
@@ -184,17 +184,16 @@ def _with_normals(
 class SapienScene:
     """The bodies of a world in a SAPIEN scene.
 
-    Bodies of actors that left are used for the next of their appearance: adding bodies to a
+    Bodies of departed actors are used for the next of their appearance: adding bodies to a
     ray-traced scene rebuilds its pipelines, and it has room for a limited number. In a raster scene
-    poses that no actor is in are freed: people have more than fit in memory, and seldom return to
-    one soon.
+    unused poses are freed: people have more than fit in memory, and seldom return to one soon.
 
     Attributes:
         segmentation: Classes and actors by SAPIEN's shape ids.
         culler: Bounding boxes of all bodies.
 
     Args:
-        finest_m: Width of the finest detail on a surface that images show.
+        finest_m: Width of the finest visible detail on a surface.
     """
 
     def __init__(
@@ -371,7 +370,7 @@ class SapienScene:
         entity = sapien.Entity()
         entity.add_component(body)
         self._scene.add_entity(entity)
-        # SAPIEN leaves properties that nothing sets as they happen to be.
+        # SAPIEN leaves unset properties uninitialised.
         self._bindings.set_hidden(body, hidden=False)
         self._bindings.set_static_mesh(body, 0)
         return body
@@ -394,7 +393,7 @@ class SegmentationTable:
         self._actor = np.zeros(64, dtype=np.int32)
 
     def assign(self, shape_id: int, semantic: Semantic, actor_id: int) -> None:
-        """Set the class of a shape and the actor that has it now, 0 for none."""
+        """Set the class of a shape and its present actor, 0 for none."""
         if shape_id >= len(self._actor):
             room = (0, max(shape_id + 1 - len(self._actor), len(self._actor)))
             self._semantic, self._actor = np.pad(self._semantic, room), np.pad(self._actor, room)

@@ -1,4 +1,4 @@
-"""Hands the shaders what they need beyond the scene: table, textures, and the state of bodies."""
+"""Hands the shaders data beyond the scene: table, textures, and the state of bodies."""
 
 import numpy as np
 import sapien
@@ -65,7 +65,7 @@ class RayTracedBindings:
     SAPIEN's ray-tracing packs see no textures of cameras and no properties of bodies. The shaders
     look for geometry instance 0, so this must be made before any other body of the scene.
 
-    That object is a box around all others: rays that hit nothing else hit it, and show the sky.
+    This object is a box around all others: rays without another hit meet it, and show the sky.
     Shaders for misses would see no textures.
     """
 
@@ -119,7 +119,7 @@ class RayTracedBindings:
         self._textures[TABLE.name].upload(self._rows)
 
     def upload_maps(self, maps: SceneTexels) -> None:
-        """Copy textures of the same sizes to the device, without those of the raster pack alone."""
+        """Copy textures of the same sizes to the device, except the raster pack's own."""
         for name in self._textures.keys() & maps.keys():
             self._textures[name].upload(maps[name])
 

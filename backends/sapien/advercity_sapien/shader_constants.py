@@ -1,10 +1,10 @@
-"""Constants of both Python and the shaders, and the GLSL files that are generated from them.
+"""Constants of both Python and the shaders, and the GLSL files generated from them.
 
-After a change here, of `shader_table` or of a constant that comes from the core:
+After a change here, of `shader_table` or of a constant from the core:
 
     python -m advercity_sapien.shader_constants
 
-The generated files are committed, so that they can be read and reviewed with the others and an
+The generated files are committed: they can be read and reviewed with the others, and an
 installed package needs no folder to write to; a test compares them with this description.
 """
 
@@ -80,9 +80,9 @@ SHADER_FOLDER = Path(__file__).parent / "shaders"
 NEAR_M, FAR_M = 0.1, 3000.0
 """Depths between which cameras see."""
 SKY_M = 4.0 * FAR_M
-"""Half the width of the box that rays see the sky on, beyond all that cameras and shadows reach."""
+"""Half the width of the box with the sky, beyond the range of all cameras and shadows."""
 FIRST_SIGNAL_BIT = 64
-"""Bit of a red signal among a body's lit lamps, then yellow and green; `Lamp` has those below."""
+"""Bit of a red signal among a body's lit lamps, then yellow and green; `Lamp` has lower ones."""
 LIGHT_RATIO_BIT, LIGHT_RATIO_STEPS = 10, 64
 """First bit of the light of flickering lamps in a body's lit lamps, and steps of their mean light;
 0 is the mean itself, others are one more than the number of steps. Floats hold all of it."""
@@ -96,7 +96,7 @@ BEAM_FIELDS: dict[str, Callable[[LampBeam], float]] = {
     "equivalentHeight": lambda beam: beam.equivalent_height_deg,
     "evenTop": lambda beam: beam.even_top_deg,
     "peakRight": lambda beam: beam.peak_right_deg,
-    # Divisors of squared angles, so that the shader does not square constants for every sample.
+    # Divisors of squared angles: the shader need not square constants for every sample.
     "belowSquared": lambda beam: beam.below_width_deg**2,
     "aboveSquared": lambda beam: beam.above_width_deg**2,
     "horizontalSquared": lambda beam: 2.0 * beam.horizontal_sigma_deg**2,
@@ -120,7 +120,7 @@ def _join(title: str, lines: Iterator[str]) -> str:
 
 
 def _format_constants() -> Iterator[str]:
-    """Lines of GLSL that define the shared constants."""
+    """Lines of GLSL defining the shared constants."""
     yield from _format_integers("TEXTURE", {item.name: item.value for item in Texture})
     yield from _format_integers("LAMP", {item.name: item.value for item in LampPattern})
     yield from _format_integers("LENS", {item.name: item.value for item in LensKind})
@@ -228,7 +228,7 @@ def _format_integers(prefix: str, values: Mapping[str, int]) -> Iterator[str]:
 
 
 def _float(value: float, digits: int = 6) -> str:
-    """Format a GLSL literal with that many significant digits."""
+    """Format a GLSL literal with a number of significant digits."""
     text = f"{value:.{digits}g}"
     return text if "." in text else f"{text}.0"
 

@@ -1,9 +1,9 @@
-"""The numbers and textures that the shaders read: one description for Python and for GLSL.
+"""The shaders' numbers and textures: one description for Python and for GLSL.
 
 Numbers travel in a texture of rows of COLUMNS texels. The first row has the parameters of air and
 light, the sections below it have lists of lamps and, in ray-traced scenes, the states of bodies.
-`shader_constants` writes this description as GLSL, so that no row, column or size is typed twice.
-The renderer works in kcd/m² and klx, so that no value is far from 1.
+`shader_constants` writes this description as GLSL: no row, column or size is typed twice.
+The renderer works in kcd/m² and klx, so no value is far from 1.
 """
 
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ KILO = 1e-3
 """Factor from cd/m² and lx to the renderer's kcd/m² and klx."""
 COLUMNS = 512
 GRID_CELLS, CELL_LAMPS = 48, 65_536
-"""Cells along each edge of the ground that has lamps; room for lamps in the lists of all cells."""
+"""Cells along each edge of the ground with lamps; room for lamps in the lists of all cells."""
 TILES_HIGH, TILES_WIDE, LAMPS_PER_TILE = 18, 32, 24
 """Tiles of an image."""
 BEARINGS, LAMPS_PER_BEARING = 64, 32
@@ -39,7 +39,7 @@ class Parameter:
 
     Attributes:
         name: Keyword of `ShaderTable.set_parameters`.
-        glsl: GLSL function that returns it; takes an index if `count` is more than 1.
+        glsl: GLSL function returning it; takes an index if `count` is more than 1.
         column: First texel.
         components: Components of the texel, such as `x` or `rgb`.
         count: Number of texels.
@@ -74,7 +74,7 @@ class Section:
 
 @dataclass(frozen=True)
 class SceneTexture:
-    """A texture that every shader pass may read as `sampler<name>`.
+    """A texture readable in every shader pass as `sampler<name>`.
 
     Attributes:
         name: Name in GLSL; SAPIEN finds the textures of cameras by it.
@@ -90,7 +90,7 @@ class SceneTexture:
     material_slot: str | None
 
 
-# Columns are explicit so that a change of this list shows what it moves.
+# Columns are explicit, so a change of this list shows every move.
 PARAMETERS = (
     Parameter("extinction", "extinction", 0, "x"),
     Parameter("wetness", "wetness", 0, "y"),
@@ -139,13 +139,13 @@ SCENE_TEXTURES = (
     SceneTexture("LampReach", "R32Sfloat", "edge", None),
 )
 CARRIED_TEXTURES = tuple(item for item in SCENE_TEXTURES if item.material_slot)
-"""Textures that ray-traced scenes have, too."""
+"""Textures of both packs."""
 
 _HEIGHTS = {section.name: ceil(section.texels / COLUMNS) for section in SECTIONS}
 FIRST_ROWS = dict(zip(_HEIGHTS, accumulate([0, *_HEIGHTS.values()]), strict=False))
 """First row of each section."""
 TABLE_ROWS = FIRST_ROWS["bodies"]
-"""Rows that both renderers have; the states of bodies follow in ray-traced scenes."""
+"""Rows of both renderers; the states of bodies follow in ray-traced scenes."""
 BODY_STATE_ROWS = _HEIGHTS["bodies"]
 
 SceneTexels = dict[str, NDArray[Any]]
@@ -188,7 +188,7 @@ _PARAMETERS_BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
 
 
 def format_table_glsl() -> Iterator[str]:
-    """Lines of GLSL that read the table: rows, sizes and one function for each parameter."""
+    """Lines of GLSL reading the table: rows, sizes and one function for each parameter."""
     sizes = {
         "COLUMNS": COLUMNS,
         **{f"{name.upper()}_ROW": row for name, row in FIRST_ROWS.items()},
@@ -215,7 +215,7 @@ def format_table_glsl() -> Iterator[str]:
 
 
 def format_scene_textures_glsl() -> Iterator[str]:
-    """Lines of GLSL that find the textures in the material of the scene's first object."""
+    """Lines of GLSL binding the textures in the material of the scene's first object."""
     for texture in CARRIED_TEXTURES:
         yield f"int {_index_name(texture)};"
         yield f"#define sampler{texture.name} textures[nonuniformEXT({_index_name(texture)})]"

@@ -1,8 +1,8 @@
-"""What hides the sky around probes, for what mirrors show beyond the image.
+"""Obstacles before the sky around probes, for reflections from beyond the image.
 
-Panes, car paint and wet roads mirror directions that no image has. Around every probe there is, by
-azimuth, the elevation up to which houses and trees hide the sky, how near they are and the light
-that they reflect. With their distance, points above the probe look over more of them.
+Panes, car paint and wet roads mirror directions outside any image. Around every probe there is, by
+azimuth, the elevation up to which houses and trees hide the sky, how near they are and their
+reflected light. With their distance, points above the probe look over more of them.
 """
 
 from collections.abc import Callable
@@ -26,12 +26,12 @@ TURNS = np.array([(-0.375, 0.125), (-0.125, -0.375), (0.125, 0.375), (0.375, -0.
 """Fractions of a step by which the rays of the four probes of a square are turned and raised."""
 MAX_RANGE_M = 200.0
 NEAREST_M = 2.0
-"""Distance of what is nearer still."""
+"""Least distance; nearer obstacles count as this far."""
 PRIOR_COUNT = 0.1
-"""Rays for which the mean of all light counts, so that a skyline of no height has a light, too."""
+"""Weight of the mean of all light, in rays: a skyline of no height has a light, too."""
 
 Shade = Callable[[FloatArray, RayHits], Float64Array]
-"""Computes the radiance (n, 3) in cd/m² that surfaces reflect at points (n, 3) of hits."""
+"""Computes the radiance (n, 3) in cd/m² reflected by surfaces at points (n, 3) of hits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Skylines:
     """Skylines around the probes of a grid (h, w), azimuth upon azimuth.
 
     Attributes:
-        light: (AZIMUTHS h, w, 4) float32: mean radiance of what hides the sky in cd/m², then the
+        light: (AZIMUTHS h, w, 4) float32: mean radiance of the skyline in cd/m², then the
             tangent of the elevation of its top.
         nearness: (AZIMUTHS h, w) uint8, `NEAREST_M` over its horizontal distance, of 255.
     """
@@ -56,7 +56,7 @@ NO_SKYLINES = Skylines(
 def bake_skylines(
     raycaster: Raycaster, grid: ProbeGrid, is_buried: NDArray[np.bool_], shade: Shade
 ) -> Skylines:
-    """Bake the skylines of a grid; probes (n,) that are buried have those of the nearest other."""
+    """Bake the skylines of a grid; buried probes (n,) get the nearest other one's."""
     origins = grid.list_points(LEVEL_HEIGHTS_M[SKYLINE_LEVEL])
     found = [
         grid.smooth(_look_towards(raycaster, origins, grid.turns, azimuth, shade), is_buried)
@@ -77,7 +77,7 @@ def bake_skylines(
 def _look_towards(
     raycaster: Raycaster, origins: FloatArray, turns: NDArray[np.uint16], azimuth: int, shade: Shade
 ) -> Float64Array:
-    """Sum what rays hit towards one azimuth: number (n,), nearness in 1/m, and radiance (n, 3)."""
+    """Sum the hits towards one azimuth: number (n,), nearness in 1/m, and radiance (n, 3)."""
     sums = np.zeros((len(origins), 5))
     turned, raised = TURNS.T[:, turns]
     around = 2.0 * np.pi / AZIMUTHS * (azimuth + turned)

@@ -1,7 +1,7 @@
-"""Mean albedo of surfaces as rain and snow leave them, for light that they reflect onto others.
+"""Mean albedo of surfaces after rain and snow, for light reflected onto others.
 
-What shaders make of each point (`ground.glsl`), averaged over patches, ruts and puddles. Light that
-a film of water mirrors counts as if it were reflected diffusely.
+The shaders' value of each point (`ground.glsl`), averaged over patches, ruts and puddles. Light
+mirrored by a film of water counts as diffuse.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How air changes what cameras see, with both shader packs."""
+"""Effects of air on cameras' images, with both shader packs."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Capabilities and errors of the backend, and the memory that it frees."""
+"""Capabilities and errors of the backend, and its release of memory."""
 
 import os
 import subprocess
@@ -117,7 +117,7 @@ def test_closed_renderers_and_taken_pictures_leave_no_memory_behind(profile: Ren
                 renderer.render_camera(VIEW)
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
-    # The allocator's arenas grow in a few large jumps before they are used again; a renderer that
+    # The allocator's arenas grow in a few large jumps before they are used again; a leaked renderer
     # stays would add to every round, so memory would never stand still over several of them.
     used = [once() for _ in range(5)]
     while used[-1] - used[-5] > 4e6 and len(used) < 60:

@@ -1,4 +1,4 @@
-"""The dark under and beside what is on the ground."""
+"""The dark under and beside things on the ground."""
 
 from dataclasses import replace
 from typing import Literal
@@ -42,7 +42,7 @@ def seen_from_behind(world: World, renderer: Literal["raster", "ray_traced"]) ->
 
 
 def light_at(contact: ContactMap, probes: LightProbes, x: float, y: float) -> float:
-    """Fraction of the light that is left at a point."""
+    """Fraction of the light left at a point."""
     rows, columns = contact.texels.shape
     column = int((x - probes.corner[0]) / probes.size[0] * columns)
     row = int((y - probes.corner[1]) / probes.size[1] * rows)
@@ -94,7 +94,7 @@ def test_a_car_is_dark_by_its_own_contact_neither_on_its_roof_nor_on_its_sides()
         (0.009, Semantic.STATIC, True),
         (-1.3, Semantic.STATIC, False),  # a foundation
         (4.0, Semantic.TRAFFIC_SIGN, False),
-        (-0.85, Semantic.VEGETATION, False),  # crops that came up
+        (-0.85, Semantic.VEGETATION, False),  # young crops
     ],
 )
 def test_static_things_darken_the_ground_if_they_are_close_to_it(

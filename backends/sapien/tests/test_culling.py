@@ -57,7 +57,7 @@ def test_a_volume_moves_with_its_body() -> None:
         # Towards the light, which is in the east and 45 degrees high.
         ((40.0, 8.0, 31.0), True),
         ((40.0, 8.0, 55.0), False),
-        # Below all light rays to what is seen, and on the other side of it.
+        # Below all light rays to visible things, and on the other side of them.
         ((44.0, 8.0, 11.0), False),
         ((-1.0, 8.0, 1.0), False),
         ((10.0, -8.0, 1.0), False),

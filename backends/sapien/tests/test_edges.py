@@ -86,7 +86,7 @@ def test_an_image_is_the_same_after_one_of_panes_elsewhere(size: tuple[int, int]
         view_of(pose_matrix((0.0, 0.0, 1.0), yaw=yaw, roll=0.1), size=size) for yaw in (0.0, np.pi)
     ]
     world = world_of(*ahead, *behind)
-    # Light that changes from pixel to pixel: where it is even, means do not show which are mixed.
+    # Light varies from pixel to pixel: even light would not show which pixels are mixed.
     air = air_of(sky=lambda sine: 1000.0 * (1.0 + sine))
     with SapienBackend().open(world, air, PROFILE) as renderer:
         renderer.place(frame_of())

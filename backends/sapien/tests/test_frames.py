@@ -67,7 +67,7 @@ def test_pictures_do_not_depend_on_what_was_rendered_before(opened: Open) -> Non
 
 
 def walker_world() -> World:
-    """A world with a body that rises and sinks as it walks, in poses of some triangles each."""
+    """A world with a walking body rising and sinking, in poses of some triangles each."""
     lift = np.zeros((16, 1, 3, 4), np.float32)
     lift[:, :, :, :3], lift[:, 0, 2, 3] = np.eye(3), np.linspace(0.0, 1.0, 16)
     part = build_box((0, 0, 1), (2, 2, 2), "paint", Semantic.PEDESTRIAN)

@@ -1,7 +1,7 @@
 """Small pictures of every weather in both renderers, as they were made and looked at.
 
-Where device and processor are those that made them, pictures are the same to the bit; elsewhere
-they are as near as rounding lets them be. After a change that is meant to be seen:
+On the same device and processor, pictures are equal to the bit; elsewhere they are equal but for
+rounding. After an intended visible change:
 
     python backends/sapien/tests/test_golden.py
 """
@@ -42,7 +42,7 @@ EXAMPLES = ("snow_day", "snow_night", "dust_day")
 WIDTH_PX, HEIGHT_PX = 96, 54
 ACROSS = 4
 NEAR_DN = 3.0
-"""Mean difference that other devices may make; noise alone makes about as much."""
+"""Mean difference allowed to other devices; noise alone makes about as much."""
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 FACES = np.array(
     [
@@ -140,7 +140,7 @@ def taken(name: str, weather: Weather, renderer: Renderer) -> Image:
 
 
 def device() -> str:
-    """Whatever two pictures must share to be the same to the bit."""
+    """The properties two equal pictures must share to be the same to the bit."""
     processor = np.show_config(mode="dicts")["SIMD Extensions"]["found"]  # type: ignore[index]
     return f"{SapienBackend().capabilities().device}; NumPy {np.__version__} {processor}"
 

@@ -1,4 +1,4 @@
-"""Shadows of lamps: the raster pack against rays, and against what geometry demands."""
+"""Shadows of lamps: the raster pack against rays, and against geometry."""
 
 from collections.abc import Iterator
 from typing import Literal

@@ -52,7 +52,7 @@ def test_beams_in_fog_have_no_pattern_of_their_samples() -> None:
 
 
 def test_light_of_a_thin_bar_that_fog_deflects_is_even_along_it_and_all_there() -> None:
-    """A slanting bar beside a wall of the same light, each without what a black one shows."""
+    """A slanting bar beside a wall of the same light, each minus the light of a black one."""
     air, profile = air_of(mor_m=60.0, night=True), RenderProfile("test", 1.0, "raster")
     lamp, distance, width = StreetLamp((0.0, 0.0, 20.0), flux_lm=1e5), 20.0, 0.25
 
@@ -67,7 +67,7 @@ def test_light_of_a_thin_bar_that_fog_deflects_is_even_along_it_and_all_there() 
     lobes = DropletPhaseLobes.from_diameter_um(12.0)
     depth = lobes.narrow_fraction * extinction_from_mor(60.0) * distance
     spread = float(lobes.forward_spread_rad(np.array(depth)))
-    # Of the light of a line, what is deflected to an angle beside it: the integral of the Cauchy
+    # Light of a line deflected to an angle beside it: the integral of the Cauchy
     # distributions of all places of the path, along the line.
     row, column = np.indices(bar.shape) - np.array([79.5, 119.5])[:, None, None]
     beside = np.abs(row * np.cos(0.2) + column * np.sin(0.2)) / 120.0
@@ -161,7 +161,7 @@ def test_a_wall_beside_the_road_gets_the_light_of_beams_that_the_road_reflects(
 
     monkeypatch.setattr("advercity_sapien.renderer.compute_fog_beams", of_grey)
     lit, traced = light_of_wall("raster"), light_of_wall("ray_traced")
-    # Two harmonics of its directions give a wall that stands along the road a sixth less.
+    # Two harmonics of its directions give a wall along the road a sixth less.
     assert lit.mean() == pytest.approx(traced.mean(), rel=0.2)
 
 
@@ -220,7 +220,7 @@ def test_a_lamp_in_fog_wears_the_halo_of_its_droplets(opened: Open) -> None:
     row, column = np.indices(seen.shape) - 400
     angle_deg = np.degrees(np.arctan(np.hypot(row, column) / 400))
     rings = [seen[np.abs(angle_deg - at) < 0.07].mean() for at in (2.0, 5.0)]
-    # By the path tracer of `benchmarks/night_fog.py`, without a road; light that turns once alone
+    # By the path tracer of `benchmarks/night_fog.py`, without a road; single scattering alone
     # gives 6.0 and 1.1.
     assert rings == pytest.approx([9.56, 1.93], rel=0.1)
 

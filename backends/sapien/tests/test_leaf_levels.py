@@ -1,4 +1,4 @@
-"""Leaves that are far away are drawn as few large ones."""
+"""Distant leaves are drawn as few large ones."""
 
 import numpy as np
 import pytest

@@ -87,7 +87,7 @@ def build_street(material: str) -> list[Mesh]:
 
 
 def test_a_wall_has_the_sky_above_the_house_across_the_street() -> None:
-    """1 - sin(a) of what an open wall has, if the house ends at an elevation a (black ones).
+    """1 - sin(a) of an open wall's light, if the house ends at an elevation a (black ones).
 
     Probes are 2.75 m before the wall, 15.25 m from the other; rubber and asphalt reflect a little.
     """
@@ -102,7 +102,7 @@ def test_a_wall_has_the_sky_above_the_house_across_the_street() -> None:
 def test_walls_of_a_street_have_the_light_that_traced_paths_find() -> None:
     """A Monte Carlo follows paths to their end under an overcast sky, between dry surfaces.
 
-    In a street surfaces reflect less than in the open, and light that is reflected again counts.
+    In a street surfaces reflect less than in the open, and repeated reflections count.
     """
     overcast = compute_atmosphere(find_weather("soft_rain_day").declaration, "urban")
     air = replace(overcast, wetness=0.0, puddle_coverage=0.0)

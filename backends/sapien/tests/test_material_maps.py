@@ -98,7 +98,7 @@ def test_a_quarter_of_an_image_lies_where_it_belongs(renderer: Renderer) -> None
     places = np.column_stack([middles, np.full(4, 0.3)])
     found = seen(field("brick", quartered(2.0)), places, renderer).mean(axis=(1, 2, 3))
     tones = np.array([light(int(byte)) for byte in QUARTERS.ravel()])
-    # What varies over metres is not of the images, and the same for neighbours. Texels have bytes
+    # Variation over metres is not in the images, and the same for neighbours. Texels have bytes
     # of the brightest one.
     byte = tones.max() / 255 / tones.mean()
     np.testing.assert_allclose(found / found.mean(), tones / tones.mean(), rtol=0.03, atol=byte / 2)
@@ -168,7 +168,7 @@ def test_both_renderers_show_the_same_images(name: str) -> None:
     world, place = field(name, speckled()), np.array([(3.0, 4.0, 1.5)])
     raster, traced = (seen(world, place, kind, pitch_deg=40.0) for kind in ("raster", "ray_traced"))
     # One ray of light from a uniform sky carries its mean.
-    # Both interpolate in bytes, of places that are not the same to the last bit.
+    # Both interpolate in bytes, at places differing in the last bits.
     np.testing.assert_allclose(traced, raster, rtol=0.03, atol=0.03 * raster.mean())
 
 

@@ -56,7 +56,7 @@ BOX: Solid = (7.0, -2.0, 0.75), (1.5, 1.5, 1.5), "plaster"
 def scalar_variant() -> None:
     """The backend with Mitsuba activates another one in the process.
 
-    In that one other paths happen to meet a lamp, of which a single one outshines a reference.
+    There other paths happen to meet a lamp, of which a single one outshines a reference.
     """
     mitsuba.set_variant("scalar_rgb")
 
@@ -117,7 +117,7 @@ def ours(
 def theirs(
     scene: dict[str, Any], *solids: Solid, integrator: dict[str, Any], samples: int = 128
 ) -> NDArray[Any]:
-    """Radiance (h, w) by Mitsuba; the material `asphalt` is what the scene says it is."""
+    """Radiance (h, w) by Mitsuba; the scene may define the material `asphalt`."""
     place = mitsuba.ScalarTransform4f
     bsdfs = {
         name: {"type": "diffuse", "reflectance": {"type": "rgb", "value": [albedo] * 3}}
@@ -330,7 +330,7 @@ YARD: tuple[Solid, ...] = (
 )
 BEAMS_AT, BEAM_CD, HALF_TRACK_M = (9.0, 10.0, 0.65), 20e3, 0.63
 FOG_FREE_M = 0.6
-"""Around each lamp, where its light is so dense that a path tracer takes hours to know it."""
+"""Around each lamp, where its light is so dense: a path tracer takes hours to resolve it."""
 OPENING = math.radians(42.0)
 
 
@@ -381,7 +381,7 @@ def mitsubas_beams() -> dict[str, Any]:
 
 
 def test_beams_in_fog_are_as_bright_as_mitsubas(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Light that fog scatters out of beams lights road and walls outside of them."""
+    """Light scattered by fog out of beams lights road and walls outside of them."""
     monkeypatch.setattr("advercity.rendering.light_sources.TAIL_CD", 0.0)
     by_concrete = partial(compute_fog_beams, ground_albedo=ALBEDO["concrete"])
     monkeypatch.setattr("advercity_sapien.renderer.compute_fog_beams", by_concrete)
@@ -399,7 +399,7 @@ def test_beams_in_fog_are_as_bright_as_mitsubas(monkeypatch: pytest.MonkeyPatch)
         pack="raster",
         size=(fine * SIZE[0], fine * SIZE[1]),
     )
-    # It lacks light that walls give each other, and some of the halo of the lamp beyond the edge.
+    # It lacks mutual light of walls, and some of the halo of the lamp beyond the edge.
     assert rastered.mean() == pytest.approx(expected.mean(), rel=0.10)
 
 

@@ -1,4 +1,4 @@
-"""What images show and how it is labelled, with both shader packs."""
+"""Content and labels of images, with both shader packs."""
 
 from dataclasses import replace
 
@@ -118,7 +118,7 @@ def test_a_camera_does_not_see_its_carrier_but_all_else(opened: Open) -> None:
 
 
 def test_wheels_turn_and_steer_with_their_actor_and_hide_with_it(opened: Open) -> None:
-    # Seen from the left: a bar of 1.6 m by 0.2 m that lies along x and turns 0.8 m above ground.
+    # Seen from the left: a bar of 1.6 m by 0.2 m along x, turning 0.8 m above ground.
     bar = build_box((0, 0, 0.8), (1.6, 0.2, 0.2), semantic=Semantic.VEHICLE)
     rolling = replace(bar, wheel=Wheel((0.0, 0.0, 0.8), is_steered=True))
     body = Body((rolling,), (1.6, 0.2, 1.6))
@@ -135,7 +135,7 @@ def test_wheels_turn_and_steer_with_their_actor_and_hide_with_it(opened: Open) -
     with opened(world, air_of(sky=uniform(1000.0))) as renderer:
         assert extent_px() == pytest.approx([4, 32], abs=1.5)
         assert extent_px(travelled_m=0.8 * np.pi / 2) == pytest.approx([32, 4], abs=1.5)
-        # 1.6 m at 30 degrees; the end that comes 0.4 m nearer looks larger.
+        # 1.6 m at 30 degrees; one end is 0.4 m nearer and looks larger.
         assert extent_px(steering_rad=np.pi / 6) == pytest.approx([4, 28], abs=1.5)
         assert not (renderer.render_camera(replace(view, hide=frozenset({1}))).instance == 1).any()
 

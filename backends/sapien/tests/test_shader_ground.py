@@ -1,4 +1,4 @@
-"""What water, snow and the lamps mirrored in them do to the ground, for both shader packs."""
+"""Effects of water, snow and mirrored lamps on the ground, for both shader packs."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +29,7 @@ from tests.render_builders import (
 pytestmark = pytest.mark.render
 
 Kind = Literal["raster", "ray_traced"]
-# Of the module, so that tests are sorted by it: shaders of the raster pack stay compiled.
+# Of the module, to sort tests by it: shaders of the raster pack stay compiled.
 both = pytest.mark.parametrize("kind", ["raster", "ray_traced"], scope="module")
 
 BLACK, GREY, WHITE = "wood", "concrete", "plaster"
@@ -40,7 +40,7 @@ ROAD = (0.0, 0.0, -0.5), (600.0, 600.0, 1.0), "asphalt"
 
 @pytest.fixture(autouse=True)
 def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Under names that the ray caster knows.
+    # Under names known to the ray caster.
     set_matt_materials(monkeypatch, **{BLACK: 0.0, GREY: 0.5, WHITE: 1.0})
 
 
@@ -118,7 +118,7 @@ def test_puddles_lie_where_the_lidar_finds_them(kind: Kind) -> None:
 
 @both
 def test_the_road_under_a_deck_is_dry(kind: Kind) -> None:
-    # From 8 to 32 m ahead, and wider than what is seen.
+    # From 8 to 32 m ahead, and wider than the view.
     deck = replace(box((20.0, 0.0, 6.0), (24.0, 200.0, 1.0), GREY), semantic=Semantic.BRIDGE)
     dry, wet = (
         luminance(
@@ -262,7 +262,7 @@ def test_snow_covers_the_authored_fraction_of_the_road(
         luminance(shot(kind, world_of(box(*ROAD)), air, at=downwards(height_m), samples=4)).mean()
         for air in (build_clear_air(1000.0), snow(road_snow_cover=cover, rut_snow_cover=0.2))
     )
-    # Without lanes there are no ruts: what lies between them is as much as makes up for them.
+    # Without lanes there are no ruts: the snow between them makes up for them.
     between = (cover - 0.3 * 0.2) / 0.7
     assert (snowed - bare) / (880.0 - bare) == pytest.approx(between, abs=0.08)
 

@@ -1,4 +1,4 @@
-"""What shaders use of Vulkan, as graphics cards see it: the software driver allows more."""
+"""The shaders' use of Vulkan, as graphics cards see it: the software driver allows more."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""The description of the shader table, and the GLSL that is generated from it."""
+"""The description of the shader table, and the GLSL generated from it."""
 
 import numpy as np
 import pytest

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.render
 TEXTURED = {
     material.texture: name
     for name, material in MATERIALS.items()
-    # Rooms are no pattern: what is seen of them depends on the ray.
+    # Rooms are no pattern: their visible part depends on the ray.
     if material.texture not in (Texture.PLAIN, Texture.ROOM, Texture.SHOP)
 }
 every_texture = pytest.mark.parametrize("name", TEXTURED.values())
@@ -65,7 +65,7 @@ def scattered(height_m: float, rows: int) -> NDArray[np.float64]:
 
 
 @every_texture
-# Close by, a picture shows one spot of patterns as wide as 31 m, so that their mean takes many.
+# Close by, a picture shows one spot of patterns as wide as 31 m: their mean takes many.
 @pytest.mark.parametrize(("height_m", "rows"), [(2.0, 26), (60.0, 10)])
 def test_a_texture_leaves_the_mean_of_its_material_alone(name: str, height_m: float, rows: int):
     mean = seen_from(name, scattered(height_m, rows)).mean(axis=(0, 1, 2))

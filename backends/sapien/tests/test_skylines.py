@@ -1,4 +1,4 @@
-"""What hides the sky around probes, and what mirrors show of it."""
+"""Obstacles before the sky around probes, and their reflections."""
 
 from dataclasses import replace
 
@@ -48,7 +48,7 @@ def test_a_house_hides_the_sky_up_to_its_eaves() -> None:
     tangent, distance_m, light = look(place(house), 0.0, 0.0, NORTH)
     assert tangent == pytest.approx((12.0 - LEVEL_HEIGHT_M) / 18.75, rel=0.15)
     assert distance_m == pytest.approx(18.75, rel=0.1)
-    # Half of the sky, and what the ground reflects of it.
+    # Half of the sky, and the ground's reflection of it.
     half = 500.0 * luminance(np.array(MATERIALS["plaster"].albedo))
     assert half < light < 1.4 * half
 
@@ -62,7 +62,7 @@ def test_nothing_hides_the_sky_in_the_open_nor_away_from_a_house() -> None:
 @pytest.mark.render
 @pytest.mark.parametrize("height_m", [1.5, 9.0])
 def test_a_pane_mirrors_the_house_behind_the_camera(height_m: float) -> None:
-    """As in a traced picture; the house is 8 m high, so that the upper pane looks over it."""
+    """As in a traced picture; the house is 8 m high: the upper pane looks over it."""
     pane = build_box((12.0, 40.0, 20.0), (17.5, 0.0, 10.0), material="room_dark")
     house = build_box((1.0, 400.0, 8.0), (-16.0, 0.0, 4.0), material="rubber")
     air = air_of(sky=uniform(1000.0))

@@ -210,7 +210,7 @@ def test_weathers_cost_contrast_in_the_order_of_their_names(rasterised: Open) ->
 
 
 def far_contrast(opened: Open, said: Weather) -> float:
-    """Of a white card 60 m away against a black one, in the light that the camera gets."""
+    """Contrast of a white card 60 m away against a black one, in the camera's light."""
     sides = [build_box((60.5, side * 10.0, 0.0), (1.0, 12.0, 20.0), paint) for side, paint in SIDES]
     seen = luminance(through_air(opened, world_of(*sides), said))
     bright, dark = (float(np.median(seen[40:50, 80 - 13 * side + STRIP])) for side, _ in SIDES)

@@ -1,4 +1,4 @@
-"""What rain and snow leave of the albedo of surfaces that light others."""
+"""Albedo of surfaces lighting others, after rain and snow."""
 
 from dataclasses import replace
 
