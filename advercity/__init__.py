@@ -1,7 +1,7 @@
 """advercity: adverse-weather V2X driving data, compiled from YAML.
 
-The names below are the Python interface. Each is imported when it is first used, so that
-`import advercity` itself costs nothing; `advercity.testing` has what tests of one's own need.
+The names below are the Python interface. Each is imported at its first use: `import advercity`
+itself costs nothing. `advercity.testing` has helpers for your own tests.
 """
 
 from importlib import import_module

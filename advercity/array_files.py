@@ -1,4 +1,4 @@
-"""Reads `.npz` files that anybody may have made or damaged: bounded, without pickles."""
+"""Reads `.npz` files from unknown or damaged sources: bounded, without pickles."""
 
 import io
 import math
@@ -43,7 +43,7 @@ def load_arrays(path: Path, *, max_bytes: int) -> dict[str, NDArray[Any]]:
 
 
 def _check_members(members: list[zipfile.ZipInfo], max_bytes: int) -> None:
-    """Raise ValueError for what `np.savez` never writes, and for archives that are too large."""
+    """Raise ValueError for contents `np.savez` never writes, and for too large archives."""
     if len(members) > MAX_ARRAYS:
         raise ValueError(f"more than {MAX_ARRAYS} arrays")
     # `zipfile` reads no more of a member than its directory says.

@@ -1,7 +1,6 @@
 """Files that are complete or absent: written as partial files, synced, and renamed into place.
 
-No function here writes through a link, so that a link in a folder of ours leads nobody's data into
-harm.
+No function here writes through a link: a link in our folders must not harm other data.
 """
 
 import hashlib
@@ -30,7 +29,7 @@ def _identify_machine() -> str:
 
 
 PARTIAL_MAX_AGE_S = 3600.0
-"""Age from which a folder of partial files is abandoned, whoever made it."""
+"""Age from which a folder of partial files is abandoned, on any machine."""
 _MACHINE = hashlib.sha256(_identify_machine().encode()).hexdigest()[:8]
 _PARTIAL_PATTERN = re.compile(r"\.partial-([0-9a-f]{8})-(\d+)-([0-9a-f]{8})-[0-9a-f]{8}")
 
@@ -39,8 +38,8 @@ _PARTIAL_PATTERN = re.compile(r"\.partial-([0-9a-f]{8})-(\d+)-([0-9a-f]{8})-[0-9
 def open_partial_folder(folder: Path) -> Generator[Path]:
     """Yield a temporary folder in `folder`, which is created if necessary.
 
-    What killed processes of this machine left there is removed. After an error, so are folders that
-    were created for it and are empty.
+    Leftovers of killed processes of this machine are removed. After an error, so are empty folders
+    created for it.
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     remove_abandoned_partials(folder, max_age_s=math.inf)
@@ -60,7 +59,7 @@ def open_partial_folder(folder: Path) -> Generator[Path]:
 def format_partial_name(machine: str, process: int, random: str) -> str:
     """Format the name of a folder of partial files.
 
-    It ends with a checksum of itself, so that no folder of others has such a name by chance.
+    It ends with a checksum of itself: no foreign folder has such a name by chance.
     """
     name = f".partial-{machine}-{process}-{random}"
     return f"{name}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
@@ -68,9 +67,9 @@ def format_partial_name(machine: str, process: int, random: str) -> str:
 
 @contextmanager
 def open_partial_path(path: Path) -> Generator[Path]:
-    """Yield a path of the same name in a temporary folder; at the end that file becomes `path`.
+    """Yield a path of the same name in a temporary folder; at the end the file becomes `path`.
 
-    A file that is replaced leaves it its permissions. Errors of the system name a file.
+    A replaced file leaves it its permissions. Errors of the system name a file.
     """
     with name_in_errors(path), open_partial_folder(path.parent) as folder:
         partial = folder / path.name
@@ -83,18 +82,18 @@ def open_partial_path(path: Path) -> Generator[Path]:
 
 @contextmanager
 def name_in_errors(path: Path) -> Generator[None]:
-    """Name a path in an OSError without one: the system names none for what does not fit."""
+    """Name a path in an OSError without one: the system names none if the disk is full."""
     try:
         yield
     except OSError as error:
         if error.filename is None:
-            with suppress(AttributeError):  # those of PyAV have a property
+            with suppress(AttributeError):  # PyAV's errors have a property
                 error.filename = str(path)
         raise
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file so that it is the old or the new one at any moment."""
+    """Write a file atomically: it is the old or the new one at any moment."""
     with open_partial_path(path) as partial:
         partial.write_bytes(content)
 
@@ -111,7 +110,7 @@ def remove_abandoned_partials(folder: Path, *, max_age_s: float = PARTIAL_MAX_AG
 
 
 def is_partial_folder(path: Path) -> bool:
-    """Return whether a path is a folder that `open_partial_folder` has made, by its name."""
+    """Return whether a path is a folder of `open_partial_folder`, by its name."""
     return _match_partial_folder(path) is not None
 
 
@@ -137,7 +136,7 @@ def _is_abandoned(path: Path, max_age_s: float) -> bool:
 def write_file(path: Path, content: bytes) -> None:
     """Write a file, and create its folder if necessary; OSError if the path is a link.
 
-    A file of that name is replaced, not written into: it may have other names, as hard links of a
+    An existing file is replaced, not written into: it may have other names, as hard links of a
     backup, and keeps its content there.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -157,9 +156,9 @@ def open_without_links(path: str, flags: int) -> int:
 
 
 def resolve_links(path: Path) -> Path:
-    """Return the absolute path without links; a loop of links stays, for what opens it to report.
+    """Return the absolute path without links; a loop of links stays, to be reported at opening.
 
-    `Path.resolve` raises a RuntimeError for one.
+    `Path.resolve` raises a RuntimeError for a loop.
     """
     return Path(os.path.realpath(path))
 

@@ -1,4 +1,4 @@
-"""The folder with what belongs to a user rather than to a dataset: models, and what was written."""
+"""The folder of a user's own data, apart from datasets: models, and the record of written files."""
 
 import os
 from collections.abc import Generator

@@ -7,9 +7,9 @@ from pathlib import Path
 from advercity.errors import InputError
 
 MAX_EXCERPT_CHARACTERS = 100
-"""Longest part of a line that is shown."""
+"""Longest shown part of a line."""
 MAX_LISTED = 100
-"""Errors that are listed; one mistake in a generated file may be thousands of errors."""
+"""Most listed errors; one mistake in a generated file may be thousands of errors."""
 
 
 @dataclass(frozen=True)
@@ -21,11 +21,11 @@ class Diagnostic:
         line: Counted from 1.
         column: Counted from 1.
         value_path: Dotted path of the value, `fog.mor_m`.
-        message: What is wrong.
+        message: The error.
         hint: How to correct it.
         line_text: The line of the file.
         width: Number of characters to underline.
-        origin: The same error in the file that gives the value, if this one inherits it.
+        origin: The same error in the file of the value, if this one inherits it.
     """
 
     path: Path
@@ -85,7 +85,7 @@ def _count_terminal_columns(text: str) -> int:
 class DiagnosticsError(InputError):
     """All errors found in some files, without duplicates, in the order of the files.
 
-    An error in a file is not listed again for each that inherits from it.
+    An error in a file is not listed again for its heirs.
     """
 
     def __init__(self, *diagnostics: Diagnostic) -> None:
@@ -97,5 +97,5 @@ class DiagnosticsError(InputError):
         super().__init__(*lines)
 
     def __reduce__(self) -> tuple[type["DiagnosticsError"], tuple[Diagnostic, ...]]:
-        """Pickle it, for processes that report it to another."""
+        """Pickle it, to report it from one process to another."""
         return DiagnosticsError, self.diagnostics

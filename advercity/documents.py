@@ -1,8 +1,8 @@
-"""YAML and JSON that others may have written, read as plain data within limits.
+"""YAML and JSON of unknown authors, read as plain data within limits.
 
-Every such file is read here, so that none exhausts memory, time or the stack: only regular files
-of limited size, no deep nesting, no expansion of aliases, no tags, no merge keys, no duplicate
-keys, UTF-8 only. Errors are diagnostics with file, line and column.
+Every such file is read here, and none exhausts memory, time or the stack: only regular files of
+limited size, no deep nesting, no expansion of aliases, no tags, no merge keys, no duplicate keys,
+UTF-8 only. Errors are diagnostics with file, line and column.
 """
 
 import difflib
@@ -27,7 +27,7 @@ MAX_YAML_BYTES = 4_000_000
 MAX_JSON_BYTES = 256_000_000
 """Ten times the manifest of the longest scenario."""
 MAX_MODEL_BYTES = 200_000_000
-"""Largest 3-D model that a user may give."""
+"""Largest 3-D model of a user."""
 MAX_DEPTH = 40
 MAX_VALUES = 100_000
 MAX_NUMBER_LENGTH = 400
@@ -65,8 +65,8 @@ def read_bytes(path: Path, *, max_bytes: int) -> bytes:
     if not stat.S_ISREG(mode):
         raise _build_file_error(path, "is not a regular file", "copy its content into one")
     with path.open("rb") as file:
-        # One byte more shows that a file is too large without reading all of it; Python takes
-        # the memory for as much as it is asked for.
+        # One byte more shows that a file is too large without reading all of it; Python takes the
+        # memory for the requested size.
         raw = file.read(min(found.st_size, max_bytes) + 1)
     if len(raw) > max_bytes:
         raise _build_file_error(
@@ -102,7 +102,7 @@ def decode_text(raw: bytes, path: Path) -> str:
 
 
 def suggest_path(path: Path) -> str:
-    """Return a hint for a path that does not exist: the most similar name there, or none."""
+    """Return a hint for a missing path: the most similar name there, or none."""
     names = [item.name for item in path.parent.glob("*")]
     if path.name in names:
         return "it is a link that leads nowhere"
@@ -117,7 +117,7 @@ def _build_file_error(path: Path, message: str, hint: str = "") -> DiagnosticsEr
 # Cached for files with hundreds of errors.
 @lru_cache(maxsize=2)
 def split_lines(text: str) -> list[str]:
-    """Split text into the lines that YAML counts."""
+    """Split text into YAML's lines."""
     # str.splitlines() also splits at form feeds and separators, which would shift line numbers.
     return re.split("\r\n|[\n\r\x85\u2028\u2029]", text)
 
@@ -147,7 +147,7 @@ def parse_json(source: str | bytes, path: Path, *, hint: str = "") -> Any:
     Args:
         source: Its content.
         path: The file, for messages.
-        hint: What to do about a file that is not valid.
+        hint: Advice for an invalid file.
 
     Raises:
         DiagnosticsError: It is not valid, too deep, or repeats a key.
@@ -170,7 +170,7 @@ _ALL_BUT_BRACKETS = bytes(code for code in range(256) if code not in b'[]{}"')
 
 
 def _measure_json_depth(text: str) -> int:
-    """Return the number of brackets that are open at once, outside of texts."""
+    """Return the highest number of open brackets, outside of texts."""
     # Whole manifests pass through here: bytes are dropped by the million, not looked at one by one.
     raw = text.encode()
     unescaped = re.sub(rb"\\.", b"", raw, flags=re.DOTALL) if b"\\" in raw else raw
@@ -191,7 +191,7 @@ def _refuse_constant(name: str) -> float:
     raise ValueError(f"{name} is not a number in JSON")
 
 
-# A text without an end reaches to the end of the file, so that no character is looked at twice.
+# A text without an end reaches to the end of the file: no character is looked at twice.
 _JSON_TOKEN = re.compile(
     r'\\.|("(?:[^"\\]|\\.)*+(?:"|\\?\Z))(\s*+:)?|[\[{]|[\]}]|-?(?:NaN|Infinity)|\d++',
     re.DOTALL,
@@ -199,7 +199,7 @@ _JSON_TOKEN = re.compile(
 
 
 def _describe_json_error(text: str, error: ValueError) -> tuple[int, str]:
-    """Find what is wrong with a text that was refused: index of the character, and message."""
+    """Find the error in a refused text: index of the character, and message."""
     if isinstance(error, json.JSONDecodeError):
         return error.pos, f"{error.msg[0].lower()}{error.msg[1:]}"
     keys: list[set[str]] = []
@@ -231,7 +231,7 @@ def parse_yaml(source: str | bytes, path: Path, *, hint: str = "") -> Any:
     Args:
         source: Its content.
         path: The file, for messages.
-        hint: What to do about a file that is not valid.
+        hint: Advice for an invalid file.
 
     Raises:
         DiagnosticsError: It is not valid, exceeds a limit, repeats a key, or has tags or merges.
@@ -276,7 +276,7 @@ _PlainLoader.add_constructor("tag:yaml.org,2002:int", _PlainLoader.construct_yam
 
 
 def _find_unreadable_scalar(text: str) -> yaml.MarkedYAMLError:
-    """Describe the first number or date of a text that has no value."""
+    """Describe the first number or date without a value in a text."""
     loader = _PlainLoader(text)
     pending: list[Any] = [loader.get_single_node()]
     while pending:
@@ -295,7 +295,7 @@ def _find_unreadable_scalar(text: str) -> yaml.MarkedYAMLError:
 
 
 def _find_repeated(node: Any) -> Any:
-    """Return the mark of the first key of a mapping that an earlier one has, too."""
+    """Return the mark of the first repeated key of a mapping."""
     seen: set[str] = set()
     for key, _ in node.value:
         if key.value in seen:
@@ -312,9 +312,9 @@ _FLAT_COLLECTION = re.compile(r"""\[[^][{}"'#\n]*\]|\{[^][{}"'#\n]*\}""")
 def _is_evidently_flat(text: str) -> bool:
     """Return whether a text certainly has no aliases, tags, merges or deep nesting.
 
-    Each bracket is closed before anything that could hide its end, so none is inside another; and
-    blocks, which begin after indentation and indicators, are nested twice per column at most. This
-    takes a fiftieth of the time of parsing, and of frames as they are usually written it is true.
+    Each bracket is closed before anything that could hide its end, so none is inside another.
+    Blocks begin after indentation and indicators, so they are nested twice per column at most. The
+    check takes a fiftieth of the time of parsing; frames usually pass it.
     """
     if any(part in text for part in _UNUSUAL) or _DEEP_BLOCK.search(f"\n{text}"):
         return False
@@ -324,7 +324,7 @@ def _is_evidently_flat(text: str) -> bool:
 
 @dataclass
 class _Nesting:
-    """A collection that is open, or the document: its name if others may repeat it, and extent."""
+    """An open collection, or the document: its name if others may repeat it, and extent."""
 
     anchor: str | None = None
     values: int = 0
@@ -429,7 +429,7 @@ def _report_yaml_errors(path: Path, text: str, hint: str = "") -> Generator[None
     except yaml.MarkedYAMLError as error:
         raise DiagnosticsError(_build_syntax_diagnostic(path, text, error, hint)) from None
     except yaml.YAMLError:
-        # libyaml reports characters that it cannot read without a position.
+        # libyaml reports unreadable characters without a position.
         position = next(_find_control_characters(text), SourcePosition(1, 1))
         message, own_hint = "unexpected control character", "remove it; is this a text file?"
         raise DiagnosticsError(
@@ -448,7 +448,7 @@ def _build_syntax_diagnostic(
     if position.line <= len(lines) and "\t" in lines[position.line - 1][: position.column]:
         message, own_hint = _TAB_MESSAGE
     elif error.context_mark and "not closed" in message:
-        # The parser notices a missing bracket lines later; the opening one is what to look at.
+        # The parser notices a missing bracket lines later; the author needs the opening one.
         position = SourcePosition(error.context_mark.line + 1, error.context_mark.column + 1)
     elif position.line > len(lines) and lines:
         # At the end of the file the parser names the line after the last.

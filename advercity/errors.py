@@ -1,4 +1,4 @@
-"""Errors that a caller may want to handle.
+"""Errors for callers to handle.
 
 AdvercityError
 ├── InputError      the input is not valid: a declaration, a spec, an option (exit code 2)
@@ -13,11 +13,11 @@ from collections.abc import Generator
 from contextlib import contextmanager
 
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
-"""Errors of the system that are no fault of the path that was given."""
+"""Errors of the system that are no fault of the path."""
 
 
 def escape_control_characters(text: str) -> str:
-    """Escape what would break a line or change the state of a terminal, such as a line break."""
+    """Escape line breaks and other characters that would change the state of a terminal."""
     return "".join(
         character if character.isprintable() else character.encode("unicode_escape").decode()
         for character in text
@@ -31,7 +31,7 @@ class AdvercityError(Exception):
     """
 
     def __str__(self) -> str:
-        """Return the message; lines that are indented belong to the line above them."""
+        """Return the message; indented lines belong to the line above them."""
         return "\n".join(escape_control_characters(str(line)) for line in self.args)
 
 
@@ -40,7 +40,7 @@ class InputError(AdvercityError):
 
 
 class RunError(AdvercityError):
-    """A run failed; the message gives the cause and what to try."""
+    """A run failed; the message gives the cause and a way out."""
 
 
 class BackendError(RunError):
@@ -72,7 +72,7 @@ def _has_working_folder() -> bool:
 
 
 def explain_system_error(error: OSError | MemoryError) -> RunError:
-    """Explain an error of the system that no other place expects, in one line."""
+    """Explain an otherwise unexpected error of the system, in one line."""
     if isinstance(error, MemoryError):
         cause = str(error) or "no memory is left"
         return RunError(f"out of memory: {cause}; allow more, or use fewer `jobs`")
@@ -94,9 +94,9 @@ def report_temporary_errors() -> Generator[None]:
 
 @contextmanager
 def report_write_errors() -> Generator[None]:
-    """Convert an OSError into an InputError that names the file, as the user chose the path.
+    """Convert an OSError into an InputError with the file's name, as the user chose the path.
 
-    Of a disk that is full or broken it is a RunError: the path is as good as any there.
+    If the disk is full or broken, it is a RunError: any other path there would fail, too.
     """
     try:
         yield

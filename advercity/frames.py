@@ -1,7 +1,7 @@
-"""What traffic did, tick by tick: `Trace` holds all of it in arrays, `Frame` one tick as objects.
+"""Traffic, tick by tick: `Trace` holds all of it in arrays, `Frame` one tick as objects.
 
-These are the types that every later room takes. A pose is kept as a row of `STATE_DTYPE` and turned
-into a matrix when a frame is built.
+All later rooms take these types. A pose is kept as a row of `STATE_DTYPE` and turned into a matrix
+when a frame is built.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ from advercity.geometry.poses import (
 
 
 class Lamp(IntFlag):
-    """Lamps of a vehicle that are switched on."""
+    """Lamps of a vehicle, as bits of the lit ones."""
 
     LOW_BEAM = 1
     BRAKE = 2
@@ -73,7 +73,7 @@ class Actor:
 
     @property
     def vehicle_id(self) -> int:
-        """Id of the vehicle that it is a part of: of a semi-trailer, that of its tractor unit."""
+        """Id of its whole vehicle: for a semi-trailer, the tractor unit's."""
         return self.towed_by or self.id
 
 
@@ -125,7 +125,7 @@ class ActorState:
     umbrella: bool = False
     """Whether a person holds one up; set from the weather, not part of the trace."""
     figure: int = 0
-    """Number of a person among those of its blueprint; not part of the trace."""
+    """Number of a person within its blueprint; not part of the trace."""
     is_parked: bool = False
     """Whether it belongs to the scene, not to the traffic; not part of the trace."""
     pose_box: Box | None = None
@@ -135,17 +135,17 @@ class ActorState:
     has_led_headlamps: bool = False
     """Whether its headlamps have LEDs instead of halogen bulbs; not part of the trace."""
     tail_light_ratio: float = 1.0
-    """Light of its tail lamps that a camera collects, relative to their mean; not part of the
+    """Light of its tail lamps in a camera's exposure, relative to their mean; not part of the
     trace."""
 
     @property
     def box(self) -> Box:
-        """The box that annotations have, in the body frame."""
+        """The box for annotations, in the body frame."""
         return self.pose_box or self.steady_box
 
     @property
     def steady_box(self) -> Box:
-        """The box that holds all poses of a gait and moves as the body does, in the body frame."""
+        """The box around all poses of a gait, moving with the body, in the body frame."""
         return Box.on_ground(self.actor.size)
 
     @property
@@ -176,7 +176,7 @@ class Frame:
     signals: Mapping[str, Signal]
     """State of traffic lights by `SignalLamp.id`."""
     signal_light_ratios: Mapping[str, float] = field(default_factory=dict[str, float])
-    """Light of traffic lights that a camera collects, relative to its mean; 1 for all others."""
+    """Light of traffic lights in a camera's exposure, relative to its mean; 1 for all others."""
 
     def get_state(self, actor_id: int) -> ActorState:
         """Return the state of an actor; KeyError if it is not in this frame."""
@@ -220,12 +220,12 @@ STATE_DTYPE = np.dtype(
 """A row of a trace: kept tick, index into `Trace.actors`, world position in m, yaw, pitch and roll
 in rad, velocity in m/s, acceleration in m/s², rates of yaw, pitch and roll in rad/s, speed in m/s,
 acceleration along the body in m/s², steering in rad, distance travelled in m, and `Lamp` bits.
-Velocity, acceleration and rates are derivatives of position and angles; speed is the magnitude
-of velocity. Names and order are those of the columns in the file."""
+Velocity, acceleration and rates are derivatives of position and angles; speed is the magnitude of
+velocity. The columns of the file have the same names and order."""
 
 STATE_COLUMNS = tuple(STATE_DTYPE.names or ())
 ROLL_COLUMNS = ("roll", "roll_rate")
-"""Columns that a file lacks where all bodies are upright."""
+"""Columns missing in a file if all bodies are upright."""
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ class Trace:
     Attributes:
         tick_s: Length of a tick.
         first_tick: Ticks of warm-up before the first kept one.
-        actors: All actors that appear.
+        actors: All actors in the trace.
         states: (n,) of `STATE_DTYPE`, sorted by tick, then actor.
         signal_ids: Ids of `SignalLamp`.
         signals: (ticks, signals) uint8 of `Signal`.
@@ -249,7 +249,7 @@ class Trace:
     signals: NDArray[np.uint8]
 
     def cut(self, ticks: int) -> "Trace":
-        """Return the first ticks of the trace, with the actors that appear in them."""
+        """Return the first ticks of the trace, with the actors in them."""
         states = self.states[self.states["tick"] < ticks]
         present, states["actor"] = np.unique(states["actor"], return_inverse=True)
         actors = tuple(self.actors[index] for index in present)
@@ -312,8 +312,8 @@ class Trace:
             np.savez_compressed(stream, allow_pickle=False, **self._columns())
 
     def _columns(self) -> dict[str, NDArray[np.generic]]:
-        # Without trailers and roll there are no columns of them, so that the checksum is that of
-        # earlier versions.
+        # Without trailers and roll there are no columns for them: the checksum stays as in earlier
+        # versions.
         names = [item.name for item in fields(Actor)]
         if not any(actor.towed_by for actor in self.actors):
             names.remove("towed_by")
@@ -334,7 +334,7 @@ class Trace:
 
     @staticmethod
     def load(path: Path) -> "Trace":
-        """Read a file that `save` wrote.
+        """Read a file written by `save`.
 
         Raises:
             RunError: It is something else, or damaged.
@@ -402,7 +402,7 @@ def _build_trace(columns: Mapping[str, NDArray[Any]]) -> Trace:
 
 
 def _check_trace(trace: Trace) -> None:
-    """Raise ValueError if values are not what traffic can be."""
+    """Raise ValueError if values are impossible in traffic."""
     ticks, actors = (trace.states[name].astype(np.int64) for name in ("tick", "actor"))
     sizes = np.array([actor.size for actor in trace.actors])
     ids = [actor.id for actor in trace.actors]
@@ -445,23 +445,23 @@ def _build_motion(row: NDArray[np.void]) -> BodyMotion:
 def extract_planned_trajectory(
     trace: Trace, actor_id: int, index: int, *, point_count: int = 9, step_s: float = 0.2
 ) -> NDArray[np.float64]:
-    """Extract what an actor is about to drive from what the trace says it will do.
+    """Extract an actor's next points from its trace.
 
-    Beyond its last tick the actor is taken to go straight on at its last speed.
+    Beyond its last tick the actor is assumed to go straight on at its last speed.
 
     Args:
         trace: The traffic.
         actor_id: Id of the actor.
-        index: Kept tick from which the trajectory is planned.
+        index: Kept tick at which the trajectory begins.
         point_count: Number of points.
         step_s: Time between points.
 
     Returns:
         (points, 3): world x and y in metres and speed in m/s, `step_s` apart, the first one
-        `step_s` ahead.
+            `step_s` ahead.
 
     Raises:
-        KeyError: The trace has no such actor at that tick.
+        KeyError: The trace does not have the actor at that tick.
     """
     _, track = trace.get_track(actor_id)
     track = track[track["tick"] >= index]

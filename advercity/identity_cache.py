@@ -12,7 +12,7 @@ ResultT = TypeVar("ResultT")
 
 @dataclass(frozen=True, eq=False)
 class _Identity(Generic[RecordT]):
-    """Equal to that of the same object only; it keeps the object, so that its id is its own."""
+    """Equal only for the same object; it keeps the object, so its id stays unique."""
 
     record: RecordT
 
@@ -29,7 +29,7 @@ def cache_by_identity(
     [Callable[Concatenate[RecordT, ArgumentsT], ResultT]],
     Callable[Concatenate[RecordT, ArgumentsT], ResultT],
 ]:
-    """Return a decorator that keeps the `maxsize` last used results of a function of a record.
+    """Return a decorator to keep the `maxsize` last used results of a function of a record.
 
     Its other arguments must have a hash.
     """

@@ -1,4 +1,4 @@
-"""Images of files that others may have written, of limited size."""
+"""Images of unknown authors, of limited size."""
 
 import struct
 from io import BytesIO
@@ -44,5 +44,5 @@ def _read_size(content: bytes) -> tuple[int, int]:
     try:
         with Image.open(BytesIO(content)) as header:
             return header.size
-    except Exception as error:  # Pillow's readers of damaged headers raise whatever they meet
+    except Exception as error:  # Pillow's readers of damaged headers may raise anything
         raise ValueError("no image") from error

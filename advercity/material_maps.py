@@ -21,14 +21,14 @@ class MaterialMaps:
     images of a named material join their own copies on all sides, without a seam.
 
     Attributes:
-        color: (h, w, 3) or (h, w, 4) uint8, sRGB and the opacity. Renderers scale the colour so
-            that its linear mean is the albedo of the material: LiDAR, exposure and weather
-            are computed from the table of materials alone.
+        color: (h, w, 3) or (h, w, 4) uint8, sRGB and the opacity. Renderers scale the colour to a
+            linear mean of the material's albedo: LiDAR, exposure and weather are computed from the
+            table of materials alone.
         normal: (h, w, 3) uint8, 255 for 1 and 0 for -1: x to the right, y up in the image, z out of
             the surface; None for an even surface.
         roughness: (h, w) uint8, 255 for 1; scaled like the colour, to the mean of the table.
         tile_m: Width of the image on the surface, metres; its height follows from the aspect.
-        mean: Mean of the colour as linear light where the image is used; None for all of it.
+        mean: Mean of the colour as linear light in the used part of the image; None for all of it.
     """
 
     color: NDArray[np.uint8]

@@ -1,22 +1,22 @@
-"""Defines what surfaces are made of: the one home of optical properties, for all sensors.
+"""Materials of surfaces: the one home of optical properties, for all sensors.
 
-Cameras take the albedo (linear sRGB), LiDARs the reflectance at 905 nm, radars the permittivity
-and the roughness at 77 GHz; all are of the same surface, so they are in one row. Optical values are
+Cameras take the albedo (linear sRGB), LiDARs the reflectance at 905 nm, radars the permittivity and
+the roughness at 77 GHz; all are of the same surface, so they are in one row. Optical values are
 typical ones (Muckenhuber et al., Sensors 20, 3309, 2020, and common handbooks). Permittivities of
-concrete, brick, plaster (as plasterboard), wood, glass and plastics (as acrylic) are those of
+concrete, brick, plaster (as plasterboard), wood, glass and plastics (as acrylic) are from
 Recommendation ITU-R P.2040-3, table 3, at 77 GHz, which is above the 40 GHz to which brick and
 below the 110 GHz from which acrylic is listed; skin: Gabriel et al., Phys. Med. Biol. 41, 2271
-(1996), dry; water at 10 deg C: Liebe et al., Int. J. Infrared Millim. Waves 12, 659 (1991). Those
-of asphalt (4.8 up to 40 GHz in the same table), soil, plants and rubber are assumptions. So are
-roughnesses; slopes of bodies include what meshes leave out.
+(1996), dry; water at 10 deg C: Liebe et al., Int. J. Infrared Millim. Waves 12, 659 (1991).
+Permittivities of asphalt (4.8 up to 40 GHz in the same table), soil, plants and rubber are
+assumptions. So are roughnesses; slopes of bodies include details missing in meshes.
 
-Slopes of facets at 905 nm are by Oren and Nayar (Generalization of Lambert's reflectance
-model, SIGGRAPH 1994): 30 deg for wall plaster and 35 deg for sand, as commonly quoted. That of
+Slopes of facets at 905 nm are by Oren and Nayar (Generalization of Lambert's reflectance model,
+SIGGRAPH 1994): 30 deg for wall plaster and 35 deg for sand, as commonly quoted. The slope of
 asphalt is fitted to a scan of nuScenes (`docs/lidar_calibration.md`); the others are assumptions.
 
-Emissivities from 8 to 14 um are those of handbooks (Gaussorgues, Infrared Thermography, 1994; of
-chrome and bare sheet between polished and oxidised); responses to the sun are assumptions that give
-asphalt 30 K over the air at a summer's noon, and walls and roofs what is commonly measured.
+Emissivities from 8 to 14 um are from handbooks (Gaussorgues, Infrared Thermography, 1994; of chrome
+and bare sheet between polished and oxidised); responses to the sun are assumptions: they give
+asphalt 30 K over the air at a summer's noon, and walls and roofs commonly measured temperatures.
 """
 
 from dataclasses import dataclass
@@ -84,7 +84,7 @@ class RadarSurface:
 PLATE_77GHZ = RadarSurface(1.0 + 1e6j, 0.02, 0.05)
 """Flat metal, practically a perfect conductor."""
 METAL_77GHZ = RadarSurface(1.0 + 1e6j, 0.3, 0.3)
-"""Metal that is bent or made of parts."""
+"""Bent metal, or metal in several parts."""
 CAR_BODY_77GHZ = RadarSurface(1.0 + 1e6j, 1.0, 0.3)
 ASPHALT_77GHZ = RadarSurface(4.5 + 0.3j, 0.6, 0.4)
 CONCRETE_77GHZ = RadarSurface(5.2 + 0.3j, 0.4, 0.3)
@@ -98,20 +98,20 @@ PLASTIC_77GHZ = RadarSurface(2.6 + 0.03j, 0.3, 0.3)
 RUBBER_77GHZ = RadarSurface(3.5 + 0.5j, 1.0, 0.3)
 SKIN_77GHZ = RadarSurface(6.6 + 8.9j, 1.0, 0.4)
 CLOTH_77GHZ = RadarSurface(4.0 + 4.0j, 1.0, 0.4)
-"""Skin through textile, which costs 2 dB: an assumption that gives a pedestrian the cross-section
-that is measured."""
+"""Skin through textile, which costs 2 dB: an assumption, by which a pedestrian has the measured
+cross-section."""
 WATER_77GHZ = RadarSurface(7.6 + 12.8j, 0.02, 0.05)
 
 
 @dataclass(frozen=True)
 class ThermalSurface:
-    """A surface in the infrared, and how it warms.
+    """A surface in the infrared, and its warming.
 
     Attributes:
         emissivity: From 8 to 14 um, facing it; the rest it reflects.
-        sun_response: How much of the excess of its temperature that the sun would give an
-            insulated sheet the sun gives it: the rest goes inside or evaporates.
-        stored: How much of the day's mean excess it keeps at any hour, and how little it cools
+        sun_response: Its excess of temperature in the sun, as a fraction of an insulated sheet's:
+            the rest goes inside or evaporates.
+        stored: Fraction of the day's mean excess kept at any hour; the higher, the less it cools
             under a clear sky.
     """
 
@@ -127,7 +127,7 @@ GLASS_LWIR = ThermalSurface(0.85, 0.9, 0.0)
 WOOD_LWIR = ThermalSurface(0.92, 0.7, 0.1)
 SOIL_LWIR = ThermalSurface(0.94, 0.5, 0.3)
 PLANTS_LWIR = ThermalSurface(0.97, 0.2, 0.0)
-"""Leaves evaporate most of what they get from the sun."""
+"""Leaves evaporate most of their heat from the sun."""
 RUBBER_LWIR = ThermalSurface(0.94, 0.8, 0.1)
 BARE_METAL_LWIR = ThermalSurface(0.30, 0.9, 0.0)
 SHEET_LWIR = ThermalSurface(0.92, 0.9, 0.0)
@@ -184,13 +184,13 @@ SNOWFLAKE_ALBEDO = 0.9
 """Visible albedo of a flake seen from nearby, as on a lens."""
 SNOW_REFLECTANCE_905NM = 0.8
 SNOW_FACET_SLOPE_DEG = 20.0
-"""Of snow that lies; an assumption."""
+"""Slope of lying snow; an assumption."""
 
 TRANSMITTED_BY_LEAVES = 0.4
-"""Diffuse light that leaves let through, relative to what they reflect."""
+"""Diffuse light through leaves, relative to the light they reflect."""
 
 ACTOR_PAINT = "paint"
-"""Placeholder for the material of parts that have the paint of their actor."""
+"""Placeholder for the material of parts in their actor's paint."""
 
 
 def _car_paint(
@@ -348,14 +348,14 @@ MATERIALS: dict[str, Material] = {
     "wood": Material(
         (0.30, 0.20, 0.12), 0.50, WOOD_77GHZ, WOOD_LWIR, texture=Texture.WOOD, maps="wood"
     ),
-    # Such as that of window frames.
+    # For window frames, among others.
     "enamel_white": Material((0.70, 0.70, 0.68), 0.70, PLASTIC_77GHZ, SHEET_LWIR, roughness=0.6),
     "metal": Material(
         (0.45, 0.45, 0.46), 0.30, METAL_77GHZ, BARE_METAL_LWIR, roughness=0.4, metallic=0.9
     ),
     "glass": _pane((0.03, 0.035, 0.04)),
-    # Panes before rooms that are dark by night, and before those that are lit, which have the
-    # colours of lamps of 2700 and 4000 K, on walls that are not quite white.
+    # Panes before rooms, dark or lit by night; lit ones have the colours of lamps of 2700 and 4000
+    # K, on walls that are not quite white.
     "room_dark": _pane((0.03, 0.03, 0.03), Texture.ROOM),
     "shop_dark": _pane((0.06, 0.06, 0.06), Texture.SHOP),
     "room_warm": _pane((0.060, 0.028, 0.0076), Texture.ROOM),

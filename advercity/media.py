@@ -19,17 +19,17 @@ JPEG_QUALITY = 85
 
 
 def check_image_file(path: Path) -> None:
-    """Raise an InputError if an image cannot be written: by its suffix, or over what exists."""
+    """Raise an InputError if an image cannot be written: by its suffix, or an existing file."""
     _encode_image(np.zeros((32, 32, 3), np.uint8), path)
     check_output(path)
 
 
 def write_image(image: NDArray[Any], path: Path) -> None:
-    """Write an image (h, w, 3) in BGR as PNG or JPEG, as the file's name says.
+    """Write an image (h, w, 3) in BGR as PNG or JPEG, by the file's suffix.
 
     Raises:
-        InputError: The suffix is of no image format, the file cannot be written, or one of that
-            name may not be replaced.
+        InputError: The suffix is of no image format, the file cannot be written, or the existing
+            file may not be replaced.
     """
     content = _encode_image(image, path)
     try:
@@ -72,7 +72,7 @@ class VideoWriter:
         """Prepare a video with an image per tick of `tick_s` seconds.
 
         Raises:
-            InputError: PyAV is not installed, or a file of that name may not be replaced (when the
+            InputError: PyAV is not installed, or the existing file may not be replaced (when the
                 context is entered).
             RunError: The file cannot be written.
         """

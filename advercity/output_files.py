@@ -1,8 +1,8 @@
-"""Files and links that a command makes where its user says: plans, sheets, videos, tables, splits.
+"""Files and links at places chosen by the user: plans, sheets, videos, tables, splits.
 
-Such a file replaces no other than one that the program wrote and that is unchanged since. These are
-known by checksums of content and place, which are recorded in the user's data folder: not in the
-files, since a mark in them would outlive a user's changes, and tables have no place for one.
+Such a file replaces only files written by the program and unchanged since. These are known by
+checksums of content and place, recorded in the user's data folder: not in the files, since a mark
+in them would outlive a user's changes, and tables have no place for one.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ from advercity.documents import read_bytes
 from advercity.errors import InputError
 
 MANIFEST_FILE = "manifest.json"
-PROTOCOL_FILE = "data_protocol.yaml"  # name that OPV2V has for it
+PROTOCOL_FILE = "data_protocol.yaml"  # OPV2V's name of it
 STAGING_FOLDER = ".staging"
 RECORD_FILE = "written_files"
 """File in the data folder: a line with a SHA-256 for every content and where it was written."""
@@ -32,7 +32,7 @@ MAX_RECORD_BYTES = 100_000_000
 
 @contextmanager
 def open_output(path: Path) -> Generator[Path]:
-    """Yield a path of the same name in a temporary folder; at the end that file becomes `path`.
+    """Yield a path of the same name in a temporary folder; at the end the file becomes `path`.
 
     Raises:
         InputError: `path` exists and may not be replaced; before anything else is done.
@@ -71,7 +71,7 @@ def open_output_folder(folder: Path) -> Generator[Path]:
 
 
 def write_output(path: Path, content: bytes) -> None:
-    """Write a file; the errors are those of `open_output_folder`."""
+    """Write a file, with the errors of `open_output_folder`."""
     with open_output_folder(path.parent) as partial, name_in_errors(path):
         (partial / path.name).write_bytes(content)
 
@@ -81,7 +81,7 @@ def check_output(path: Path, digest: str | None = None) -> None:
 
     Args:
         path: File to be written.
-        digest: SHA-256 of its new content; a file that has it already is no loss.
+        digest: SHA-256 of its new content; a file with this content is no loss.
     """
     check_is_outside_scenarios(path.parent)
     if path.is_dir():
@@ -96,8 +96,8 @@ def check_output(path: Path, digest: str | None = None) -> None:
 def check_is_outside_scenarios(folder: Path) -> None:
     """Check that a folder to be written into is not in a scenario, nor among unfinished files.
 
-    Loaders of OPV2V would take a folder there for an agent, or files for frames. Files beside the
-    scenarios of a dataset disturb none.
+    Loaders of OPV2V would take a folder there for an agent, or files for frames. Files next to the
+    scenarios of a dataset do no harm.
 
     Raises:
         InputError: It is.
@@ -117,7 +117,7 @@ def check_is_outside_scenarios(folder: Path) -> None:
 
 
 def is_scenario(folder: Path) -> bool:
-    """Return whether a folder is a scenario; programs of others have manifests of that name."""
+    """Return whether a folder is a scenario; other programs also name manifests like this."""
     return all((folder / name).is_file() for name in (MANIFEST_FILE, PROTOCOL_FILE))
 
 
@@ -128,7 +128,7 @@ def is_dataset_or_scenario(folder: Path) -> bool:
 
 
 def is_replaceable(path: Path, digest: str | None = None) -> bool:
-    """Return whether a path is free, or has a file that the program wrote or with that SHA-256."""
+    """Return whether a path is free, or has a file of the program or with this SHA-256."""
     if path.is_symlink() or not path.is_file():
         return not os.path.lexists(path)
     with suppress(OSError):
@@ -138,11 +138,11 @@ def is_replaceable(path: Path, digest: str | None = None) -> bool:
 
 
 def check_link(path: Path, target: str | None = None) -> None:
-    """Raise an InputError if a path is neither free nor a link that the program made.
+    """Raise an InputError if a path is neither free nor a link of the program.
 
     Args:
         path: Link to be made or removed.
-        target: What it is to lead to; a link that does already is no loss.
+        target: Its target; an equal link is no loss.
     """
     if path.is_symlink():
         found = str(path.readlink())
@@ -157,12 +157,12 @@ def check_link(path: Path, target: str | None = None) -> None:
 
 
 def make_links(links: Mapping[Path, str]) -> None:
-    """Make links, in place of others that `check_link` allows to replace.
+    """Make links, in place of others if `check_link` permits.
 
     Raises:
         OSError: A link cannot be made.
     """
-    # A link that leads there already may be the user's own: it stays, and is not recorded.
+    # An existing link to the target may be the user's own: it stays, and is not recorded.
     new = {
         path: target
         for path, target in links.items()
@@ -207,6 +207,6 @@ def _record_digests(digests: Iterable[str]) -> None:
     with suppress(OSError, InputError):
         path = find_data_folder() / RECORD_FILE
         path.parent.mkdir(parents=True, exist_ok=True)
-        # In one call, so that lines of several processes do not mix.
+        # In one call: lines of several processes must not mix.
         with open(path, "ab", buffering=0, opener=open_without_links) as stream:
             stream.write("".join(f"{digest}\n" for digest in new).encode())

@@ -1,4 +1,4 @@
-"""Child processes that do not outlive the process that started them."""
+"""Child processes that do not outlive their parent."""
 
 import ctypes
 import os
@@ -31,11 +31,11 @@ MISSING_PROGRAM = 127
 def end_with_parent(parent_pid: int) -> None:
     """Have the kernel kill this process as soon as its parent ends, however it ends.
 
-    Unlike a thread that waits for that, it needs nothing of an interpreter that native code keeps
-    busy. On systems other than Linux it does nothing.
+    Unlike a waiting thread, it does not need the interpreter, which native code may keep busy. On
+    systems other than Linux it does nothing.
 
     Args:
-        parent_pid: The process that started this one; it may have ended meanwhile.
+        parent_pid: The parent; it may have ended meanwhile.
     """
     if sys.platform != "linux":
         return
@@ -45,20 +45,20 @@ def end_with_parent(parent_pid: int) -> None:
 
 
 def bind_to_this_process(command: Sequence[str]) -> list[str]:
-    """Return a command that runs another one, with its exit code, which ends with this process.
+    """Return a command to run another one, with its exit code, until this process ends.
 
-    For programs that cannot call `end_with_parent` themselves. The first word is a path; where no
-    program is there, the exit code is that of shells, 127.
+    For programs that cannot call `end_with_parent` themselves. The first word is a path; without a
+    program there, the exit code is 127, as in shells.
     """
-    # Isolated, so that neither the working folder nor the user's settings choose what is imported.
+    # Isolated: neither the working folder nor the user's settings choose the imports.
     return [sys.executable, "-I", str(Path(__file__).resolve()), str(os.getpid()), *command]
 
 
 def describe_end(exit_code: int) -> str:
-    """Describe how a child process ended, and the limits that native code may have met.
+    """Describe the end of a child process, and the limits that may be its cause.
 
     Args:
-        exit_code: Negative: the number of the signal that killed it.
+        exit_code: Negative: the number of the killing signal.
     """
     if exit_code >= 0:
         return f"exit code {exit_code}"

@@ -19,8 +19,8 @@ def draw_number(
 ) -> float:
     """Draw a number from a distribution truncated at both limits, with one draw of `rng`.
 
-    Where nothing is left below `at_most`, the result is the lowest number of the distribution;
-    where nothing is left above `at_least`, the highest that the other limit leaves.
+    If `at_most` is below the distribution, the result is its lowest number; if `at_least` is above
+    it, the highest number up to `at_most`.
     """
     low, high = compute_bounds(item)
     high = max(min(high, at_most), low)
@@ -42,8 +42,8 @@ def draw_number(
 def create_generator(*key: int | str) -> np.random.Generator:
     """Create a Philox generator that is a pure function of `key`.
 
-    Example: `create_generator(spec.seeds.sensors, "lidar", agent_id, frame)`. Keys that differ
-    anywhere give independent streams, since the key is hashed to Philox's 128 bits.
+    Example: `create_generator(spec.seeds.sensors, "lidar", agent_id, frame)`. Different keys give
+    independent streams, since the key is hashed to Philox's 128 bits.
     """
     # Names of types are part of the stream: 1 and "1" differ, and renaming an enum changes it.
     text = "\x1f".join(f"{type(part).__name__}:{part}" for part in key)
@@ -56,7 +56,7 @@ def sample_gauss_markov(
 ) -> Float64Array:
     """Sample a stationary first-order Gauss-Markov process of variance 1.
 
-    Each state is computed from all steps before it, so that any segment can be sampled alone.
+    Each state is computed from all steps before it: any segment can be sampled alone.
 
     Args:
         rng: Generator in its initial state, the same for every segment.
@@ -82,6 +82,6 @@ def sample_random_walk(
 ) -> Float64Array:
     """Sample random walks (last - first + 1, axes) of unit steps from 0, from step `first` on.
 
-    As those of `sample_gauss_markov`, segments of generators in their initial state agree.
+    As in `sample_gauss_markov`, segments of generators in their initial state agree.
     """
     return np.cumsum(rng.standard_normal((last + 1, axes)), axis=0)[first:]

@@ -44,7 +44,7 @@ OPAQUE_TO_RADIO = frozenset(
         Semantic.SIDEWALK,
     }
 )
-"""What no radio wave passes; plants, poles and signs are thinner than that."""
+"""Classes opaque to radio waves; plants, poles and signs are too thin."""
 
 
 PALETTE = np.array(

@@ -14,10 +14,10 @@ class SignalHead:
     """The lenses of a head, one above the other.
 
     Attributes:
-        drop_m: Height of the point where it is attached above its middle. A roadside unit may be
-            at that point of a mast, so housing and arm are well below it.
-        face_m: Distance from that point ahead to the face of the head.
-        lens_heights_m: Of their centres above the middle of the head, by what they show.
+        drop_m: Height of its attachment above its middle. A roadside unit may be at this point of a
+            mast, so housing and arm are well below it.
+        face_m: Distance from the attachment ahead to the face of the head.
+        lens_heights_m: Heights of their centres above the middle of the head, by signal.
         lens_radius_m: Radius of a lens (EN 12368 has 100 and 150 mm; a rim hides the rest).
     """
 

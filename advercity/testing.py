@@ -148,13 +148,13 @@ _CHANNEL_TABLES = {
     "azimuth_offsets_deg",
     "channel_efficiency",
 }
-"""Fields of a LiDAR that hold for its own number of channels."""
+"""Fields of a LiDAR for its own number of channels."""
 
 
 def with_small_sensors(
     spec: Spec, *, width_px: int = 16, height_px: int = 16, channels: int = 1, azimuths: int = 16
 ) -> Spec:
-    """Return the spec with cameras and LiDARs of so few pixels and beams that a run is quick."""
+    """Return the spec with few pixels and beams of cameras and LiDARs, for quick runs."""
     data = spec.model_dump(mode="json")
     for agent in data["agents"]:
         sensors = agent["sensors"]
@@ -192,7 +192,7 @@ def make_capture(
 
 
 class FakeRenderer:
-    """Renders every pixel the same; `frames` and `atmospheres` record what was placed."""
+    """Renders every pixel the same; `frames` and `atmospheres` record its input."""
 
     def __init__(self) -> None:
         self.frames: list[Frame] = []
@@ -221,7 +221,7 @@ class FakeBackend:
     name = "fake"
 
     def capabilities(self) -> Capabilities:
-        """Claim everything, so that the core adds nothing to the pixels."""
+        """Claim everything, so the core adds nothing to the pixels."""
         return Capabilities(
             participating_medium=True,
             lamps=True,
@@ -241,7 +241,7 @@ class FakeBackend:
 
 
 class RecordingListener:
-    """Keeps the progress and the results that a run reports."""
+    """Keeps the progress and the results reported by a run."""
 
     def __init__(self) -> None:
         self.progress: list[Progress] = []
@@ -284,13 +284,13 @@ class BackendContract:
 
     @contextmanager
     def open_renderer(self, world: World, weather: str = "clear_day") -> Generator[Renderer]:
-        """Open a world under a weather that ships."""
+        """Open a world under a weather of the shipped library."""
         air = self.make_atmosphere(weather)
         with self.make_backend().open(world, air, self.PROFILE) as renderer:
             yield renderer
 
     def make_atmosphere(self, weather: str) -> Atmosphere:
-        """Make the atmosphere of a weather that ships."""
+        """Make the atmosphere of a weather of the shipped library."""
         from advercity.compiler import find_weather
         from advercity.physics.atmosphere import compute_atmosphere
 

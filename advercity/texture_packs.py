@@ -41,14 +41,14 @@ class PhotographedSurface:
 
     @property
     def files(self) -> dict[str, TextureFile]:
-        """Files by what they show."""
+        """Files by kind of image."""
         files = {"color": self.color, "normal": self.normal, "roughness": self.roughness}
         return {kind: file for kind, file in files.items() if file is not None}
 
 
 @dataclass(frozen=True)
 class TexturePack:
-    """The files that are used of one version of an npm package.
+    """The used files of one version of an npm package.
 
     Attributes:
         name: Name in specs.
@@ -79,13 +79,13 @@ class TexturePack:
 
     @property
     def files(self) -> list[TextureFile]:
-        """All files that are used."""
+        """All used files."""
         images = [file for surface in self.surfaces.values() for file in surface.files.values()]
         return [self.notice, *images]
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the checksums of all images by surface: what specs have of the pack."""
+        """SHA-256 of the checksums of all images by surface: the pack's record in specs."""
         return compute_json_digest(
             {
                 name: {kind: file.sha256 for kind, file in surface.files.items()}

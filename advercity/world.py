@@ -15,7 +15,7 @@ from advercity.signal_heads import GovernedTraffic
 
 @dataclass(frozen=True, eq=False)
 class Gait:
-    """A cycle of poses that a body repeats while its actor moves: strides, turns of the pedals.
+    """A body's cycle of poses, repeated while its actor moves: strides, turns of the pedals.
 
     Attributes:
         cycle_length_m: Distance travelled in a cycle.
@@ -45,7 +45,7 @@ class Body:
 
 @dataclass(frozen=True)
 class StreetLamp:
-    """A light that points straight down at night; its mast is among the static meshes."""
+    """A light straight down at night; its mast is among the static meshes."""
 
     position: tuple[float, float, float]
     flux_lm: float = 8000.0
@@ -56,11 +56,11 @@ class SignalLamp:
     """Lenses of a traffic-light head, as `SIGNAL_HEADS` arranges them."""
 
     id: str
-    """`<junction>/<street>`: the approach that it controls; several heads may have the same."""
+    """`<junction>/<street>`: the controlled approach; several heads may have the same."""
     position: tuple[float, float, float]
     """Middle of the head's face."""
     facing: tuple[float, float]
-    """Unit vector (x, y) towards the traffic that it controls."""
+    """Unit vector (x, y) towards its traffic."""
     governs: GovernedTraffic = "vehicles"
 
 
@@ -80,4 +80,4 @@ class World:
     street_lamps: tuple[StreetLamp, ...] = ()
     signal_lamps: tuple[SignalLamp, ...] = ()
     material_maps: Mapping[str, MaterialMaps] = field(default_factory=dict[str, MaterialMaps])
-    """Images of surfaces by the name that materials give them."""
+    """Images of surfaces by their name in materials."""
