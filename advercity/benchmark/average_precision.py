@@ -43,7 +43,7 @@ def compute_average_precision(
 
 
 def compute_calibration_error(is_true: NDArray[np.bool_], scores: Float64Array) -> float:
-    """Compute the expected calibration error: how far scores are from the fraction that is true.
+    """Compute the expected calibration error: the mean distance of scores from the true fraction.
 
     NaN without predictions.
     """
@@ -75,7 +75,7 @@ def estimate_interval(
         repeats: Number of draws.
 
     Returns:
-        Its ends; NaN with fewer than two scenes that have objects.
+        Its ends; NaN with fewer than two scenes with objects.
     """
     count = len(truths_by_scene)
     if np.count_nonzero(truths_by_scene) < 2:

@@ -1,4 +1,4 @@
-"""Degradation curves: how far sensors see and what detectors find, over a number that is swept."""
+"""Degradation curves: ranges of sensors and precision of detectors over a swept number."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,7 +26,7 @@ BIN_M = 10.0
 FARTHEST_M = 150.0
 MIN_POINTS = 5
 RADAR_BEARING_RAD = np.deg2rad(45.0)
-"""To either side of what a radar in the bumper is asked for."""
+"""Evaluated angle to either side of a radar in the bumper."""
 LOGARITHMIC_RATIO = 20.0
 """Of the highest swept value to the lowest, from which the axis is logarithmic."""
 
@@ -36,17 +36,18 @@ def tabulate_degradation(
 ) -> StatisticsTable:
     """Tabulate ranges of the ego's sensors, and average precisions, by the swept value.
 
-    A sensor's range ends at the first 10 m in which it detects less than half of the vehicles that
-    a beam of the LiDAR would reach in clear weather: a LiDAR by five points of those that five
-    beams would reach, a radar by one detection of those up to 45 degrees to the side.
+    A sensor's range ends at the first 10 m in which it detects less than half of the vehicles
+    within reach of the LiDAR's beams in clear weather. A LiDAR must return five points of vehicles
+    within reach of five beams; a radar needs one detection of vehicles up to 45 degrees to the
+    side.
 
     Args:
-        dataset: Of a suite with a sweep.
+        dataset: Dataset of a suite with a sweep.
         predictions: Files of predictions on it; a column each.
-        options: Of the evaluation; ranges are those of all frames.
+        options: Options of the evaluation; ranges are over all frames.
 
     Raises:
-        InputError: The scenarios are not those of one sweep, or predictions cannot be evaluated.
+        InputError: The scenarios are not of one sweep, or predictions cannot be evaluated.
     """
     scenarios = [scenario for scenario in Dataset(dataset).scenarios if len(scenario)]
     if not scenarios:

@@ -1,7 +1,7 @@
 """Evaluation of predictions on a dataset: overall, and by weather, time, density, road and more.
 
 Predictions are matched once per frame and overlap, against all objects. A cell then counts its own
-objects, the predictions that found them, and the false ones of its kind: of its weather, or at its
+objects, the predictions of them, and the false ones of its kind: in its weather, or at its
 distance. False predictions have no number of points, so they count in every cell of points.
 """
 
@@ -51,23 +51,22 @@ CALIBRATION_OVERLAP = 0.5
 DISTANCE_EDGES_M = (30.0, 50.0, 100.0)
 POINT_EDGES = (1, 10, 100)
 IGNORED = -2
-"""In place of the object's row: a prediction of something that is ignored."""
+"""In place of the object's row: a prediction of an ignored object."""
 ANY_CELL = -1
 
 
 @dataclass(frozen=True)
 class EvaluationOptions:
-    """What is evaluated.
+    """Scope of an evaluation.
 
     Attributes:
-        classes: Classes of objects that count.
+        classes: Classes of counted objects.
         communication_range_m: Agents within this distance of the ego cooperate.
-        range_m: Half length and half width of the area that counts, in the ego's LiDAR frame.
-        min_points: Points that an object needs to count.
+        range_m: Half length and half width of the evaluated area, in the ego's LiDAR frame.
+        min_points: Least points of a counted object.
         bootstrap: Draws for the intervals.
-        frames: Recorded frames of each scenario that are evaluated, counted from the first kept
-            one.
-        layout: Layout of a folder of others, as of `open_dataset`.
+        frames: Evaluated frames of each scenario, counted from the first kept one.
+        layout: Layout of a foreign folder, as in `open_dataset`.
     """
 
     classes: tuple[str, ...] = VEHICLES
@@ -84,7 +83,7 @@ class _Counted:
     """All counted objects and predictions of a dataset.
 
     Attributes:
-        scenes: Scenarios that have frames.
+        scenes: Scenarios with frames.
         truth_scene: (t,) number of the scene of each object.
         truth_distance_m: (t,) horizontal distance from the ego's LiDAR.
         truth_points: (t,) LiDAR points.
@@ -111,8 +110,8 @@ class Evaluation:
     Attributes:
         table: A row for each cell: `by` and `cell`, numbers, average precisions with the ends of
             their intervals, recall, and the calibration error.
-        frames: Frames that were evaluated.
-        missing_frames: Of them, those without a line in the file of predictions.
+        frames: Number of evaluated frames.
+        missing_frames: Number of them without a line in the file of predictions.
     """
 
     table: StatisticsTable
@@ -125,11 +124,11 @@ def evaluate_predictions(
 ) -> Evaluation:
     """Evaluate a file of predictions on all frames of a dataset.
 
-    A frame without a line counts as one in which nothing was found.
+    A frame without a line counts as one without predictions.
 
     Raises:
-        InputError: A file cannot be read, the dataset has no frames, a line is of a frame that it
-            does not have, no object has one of the classes, or the area is empty.
+        InputError: A file cannot be read, the dataset has no frames, a line is of a missing frame,
+            no object has one of the classes, or the area is empty.
     """
     options = options or EvaluationOptions()
     if options.layout is None:
@@ -158,7 +157,7 @@ def evaluate_predictions(
 
 
 def _check_classes(classes: Sequence[str]) -> None:
-    """Raise InputError for a class that no object has."""
+    """Raise InputError for an unknown class."""
     known = (*get_args(ActorClass), UNCLASSIFIED)
     for name in classes:
         if name not in known:
@@ -289,7 +288,7 @@ def _name_distances() -> list[str]:
 
 
 def _list_cuts(scenes: Sequence[Scenario]) -> dict[str, _Split]:
-    """List the cuts by what the scenarios say of themselves, by distance and by points."""
+    """List the cuts by the scenarios' labels, by distance and by points."""
     labels = dict.fromkeys(name for scene in scenes for name in scene.labels)
     return {
         "all": _split_by_scene(lambda scene: "all"),

@@ -29,8 +29,7 @@ def match_boxes(
 ) -> NDArray[np.int64]:
     """Match predictions (n,) to rows of the truth, `UNMATCHED` for false ones.
 
-    In the order of their scores, each takes the box that it overlaps most of those that are left,
-    if it overlaps it enough.
+    In the order of their scores, each takes the free box of largest overlap, if it is enough.
 
     Args:
         overlaps: (n, m) of predictions and truth.

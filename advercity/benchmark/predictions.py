@@ -147,7 +147,7 @@ def write_predictions(
 
 
 def _iterate_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the lines of a file that are not blank, with their numbers."""
+    """Yield the lines of a file with text, with their numbers."""
     try:
         raw = read_bytes(path, max_bytes=MAX_PREDICTION_BYTES)
         with TextIOWrapper(BytesIO(raw), encoding="utf-8") as stream:

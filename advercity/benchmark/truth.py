@@ -1,4 +1,4 @@
-"""The objects that a cooperative detector has to find in a frame, in the ego's LiDAR frame."""
+"""The objects for a cooperative detector to find in a frame, in the ego's LiDAR frame."""
 
 import math
 from collections.abc import Collection
@@ -15,12 +15,12 @@ from advercity.geometry.arrays import Float64Array
 from advercity.geometry.poses import Matrix
 
 VEHICLES = ("car", "van", "truck", UNCLASSIFIED)
-"""Classes that the original's benchmark has, without two-wheelers and people; and that of OPV2V's
+"""Classes in the original's benchmark, without two-wheelers and people, and the class of OPV2V's
 objects."""
 COMMUNICATION_RANGE_M = 70.0
 """Agents within this distance of the ego cooperate, as in OPV2V's configurations."""
 RANGE_M = (140.0, 40.0)
-"""Half length and half width of the area that OpenCOOD evaluates, ahead and to the side."""
+"""Half length and half width of OpenCOOD's evaluated area, ahead and to the side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,17 +49,17 @@ def load_frame_truth(
     range_m: tuple[float, float] = RANGE_M,
     min_points: int = 0,
 ) -> FrameTruth:
-    """Load what the ego and the agents that cooperate with it annotate.
+    """Load the annotations of the ego and its cooperating agents.
 
     Counted are objects of the given classes, completely within the range, with enough points. The
-    ego itself, which others annotate, is ignored.
+    ego itself, annotated by others, is ignored.
 
     Args:
         frame: The frame.
-        classes: Classes that count.
+        classes: Counted classes.
         communication_range_m: Agents within this distance of the ego cooperate.
         range_m: Half length and half width of the area ahead and to the side of the ego's LiDAR.
-        min_points: Points of all cooperating agents together that an object needs to count.
+        min_points: Least points of a counted object, by all cooperating agents together.
     """
     ego = frame[frame.scenario.ego]
     lidar_from_world = poses.invert_pose(ego.world_from_lidar)
@@ -73,7 +73,7 @@ def load_frame_truth(
                 pose = lidar_from_world @ annotated.world_from_box[row]
                 size = annotated.sizes[row]
                 found[number] = (to_box(pose, size), str(annotated.classes[row]))
-    # Of no class, whatever others annotate it as: it does not count.
+    # Without a class, in spite of others' annotations: it does not count.
     size = frame.scenario.ego_size
     if size is not None:
         pose = ego.world_from_agent @ poses.pose_matrix((0.0, 0.0, size[2] / 2))
@@ -90,7 +90,7 @@ def load_frame_truth(
 
 
 def _list_cooperating(frame: FrameView, ego: AgentView, range_m: float) -> list[AgentView]:
-    """List the ego's view and those of the agents in its range."""
+    """List the views of the ego and of the agents in its range."""
     place = ego.world_from_lidar[:2, 3]
     others = (view for view in frame.views.values() if view is not ego)
     near = [view for view in others if math.dist(view.world_from_lidar[:2, 3], place) <= range_m]

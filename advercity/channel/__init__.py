@@ -1,1 +1,1 @@
-"""The V2X channel: radio paths between stations, messages, and what becomes of them."""
+"""The V2X channel: radio paths between stations, messages, and their delivery."""

@@ -1,7 +1,7 @@
-"""Bursts of loss, errors of localisation and clocks: random, and functions of what they are for.
+"""Bursts of loss, errors of localisation and clocks: random, but fixed by their purpose.
 
 Every number is drawn from a stream of its own, whose key has the scenario's seeds, road and traffic
-but not its weather, so that all weathers lose the same messages, as far as their radio is the same.
+but not its weather: all weathers lose the same messages, as far as their radio is the same.
 """
 
 import math
@@ -35,8 +35,8 @@ class ChannelRandomness:
     def draw_shadowing(self, first: str, second: str, driven_m: float) -> float:
         """Draw the standard normal shadowing of a link, which has no direction.
 
-        It is a stationary Gauss-Markov process over the distance that both stations have driven
-        (3GPP TR 36.885, A.1.4), known at steps and interpolated to variance 1 between them.
+        It is a stationary Gauss-Markov process over the distance driven by both stations (3GPP TR
+        36.885, A.1.4), known at steps and interpolated to variance 1 between them.
         """
         radio = self._channel.radio
         assert radio is not None, "shadowing without a radio"
@@ -76,7 +76,7 @@ class ChannelRandomness:
     def draw_pose_error(self, agent: str, frame: int) -> tuple[Float64Array, float]:
         """Draw the errors (3,) in metres, world axes, and in radians of an agent's pose."""
         error = self._channel.pose_error
-        # Four numbers each, whatever is declared: a change of one error leaves the others.
+        # Always four numbers each: a change of one error leaves the others.
         noise = self.make_generator("pose", agent, frame).standard_normal(4)
         wander = sample_gauss_markov(
             self.make_generator("pose wander", agent),

@@ -1,10 +1,10 @@
 """Path loss between stations on and beside roads, by published models.
 
-Path loss, loss behind vehicles and the spread of shadowing are those of 3GPP TR 37.885 V15.3.0,
-clause 6.2.1, for vehicles and roadside units alike; what it draws (whether a path is blocked, and
-by how tall a vehicle) is given here. Fast fading, reflections, vegetation and diffraction around
-corners are left out; the loss behind buildings is a mean that includes the last two. Rain and fog
-cost 0.2 dB (50 mm/h) and 0.01 dB (0.3 g/m³) per km at 5.9 GHz, and matter to no link of a
+Path loss, loss behind vehicles and the spread of shadowing follow 3GPP TR 37.885 V15.3.0, clause
+6.2.1, for vehicles and roadside units alike; its random quantities (whether a path is blocked, and
+the height of the blocking vehicle) are given here. Fast fading, reflections, vegetation and
+diffraction around corners are left out; the loss behind buildings is a mean with the last two. Rain
+and fog cost 0.2 dB (50 mm/h) and 0.01 dB (0.3 g/m³) per km at 5.9 GHz, and matter to no link of a
 road.
 """
 
@@ -63,7 +63,7 @@ def compute_path_loss_db(
 ) -> float:
     """Compute the mean path loss without vehicles on the path (TR 37.885, table 6.2.1-1).
 
-    The table has no buildings beside highways; its loss behind those of towns is taken.
+    The table has no buildings beside highways; its loss behind buildings of towns is taken.
     """
     distance_log = math.log10(max(distance_m, MIN_DISTANCE_M))
     frequency_log = math.log10(frequency_ghz)
@@ -115,12 +115,12 @@ def compute_received_dbm(
     blockage: float = 0.0,
     air_db_km: float = 0.0,
 ) -> float:
-    """Compute the power that a receiver gets.
+    """Compute the received power.
 
     Args:
         radio: The radio of both stations.
         path: The path between them.
-        environment: Which path loss holds.
+        environment: Kind of path loss.
         shadowing: Standard normal number of the place.
         blockage: Standard normal number of the blocking vehicle.
         air_db_km: Attenuation of the air.

@@ -1,4 +1,4 @@
-"""What is between two antennas, by rays against the buildings, the ground and the vehicles."""
+"""Obstacles between two antennas, by rays against the buildings, the ground and the vehicles."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ class Antenna:
 
     Attributes:
         position: (3,) in the world.
-        carrier: Id of the vehicle that carries it; 0 for a roadside unit.
+        carrier: Id of its vehicle; 0 for a roadside unit.
     """
 
     position: Float64Array
@@ -51,7 +51,7 @@ class RadioPaths:
     def _find_vehicles(
         self, frame: Frame, states: Mapping[int, ActorState], pair: tuple[Antenna, Antenna]
     ) -> RadioPath:
-        """Find the tallest vehicle on a path, by hiding what was found until nothing is."""
+        """Find the tallest vehicle on a path, by hiding found vehicles until none is left."""
         hidden = {pair[0].carrier, pair[1].carrier}
         hidden |= {
             number
@@ -78,7 +78,7 @@ class RadioPaths:
         directions = (second - first) / np.maximum(lengths, 1e-9)[:, None]
         rays = Rays(first.astype(np.float32), directions.astype(np.float32))
         hits = self._raycaster.cast(rays, float(lengths.max()))
-        # What is behind the second antenna is not on the path.
+        # Hits behind the second antenna are not on the path.
         beyond = hits.range_m >= lengths
         hits.range_m[beyond], hits.instance[beyond] = np.inf, 0
         return hits

@@ -1,4 +1,4 @@
-"""What stations send: when, and with which content."""
+"""Messages of stations: their times and contents."""
 
 import math
 from collections.abc import Sequence
@@ -25,17 +25,16 @@ CAM_SPEED_M_S = 0.5
 CAM_MIN_S, CAM_MAX_S = 0.1, 1.0
 """Triggers of a CAM, and limits of the time between two (ETSI EN 302 637-2, clause 6.1.3)."""
 REPEATED_CAMS = 3
-"""CAMs that follow at the interval of one that a change triggered."""
+"""Further CAMs at the interval of one triggered by a change."""
 EDGE_S = 1e-6
 """Times are sums of ticks, whose last bits do not count."""
 
 
 def find_cam_ticks(agent: Agent, trace: Trace) -> frozenset[int]:
-    """Find the ticks of a trace at which a station sends a CAM by the rules of the standard.
+    """Find the ticks of a station's CAMs in a trace, by the rules of the standard.
 
-    Vehicles send one when heading, position or speed have changed, and at least every second;
-    three more follow one that a change triggered, at its interval. Roadside units send one a
-    second.
+    Vehicles send one when heading, position or speed have changed, and at least every second; three
+    more follow one triggered by a change, at its interval. Roadside units send one a second.
     """
     if agent.place.kind == "roadside_unit":
         return frozenset(range(0, len(trace), max(1, round(CAM_MAX_S / trace.tick_s))))
@@ -109,8 +108,8 @@ def perceive_objects(
 ) -> PerceivedObjects:
     """Perceive the annotated objects with enough points, the nearest first, with errors.
 
-    Errors are drawn along the line of sight and across it, so that the covariances are those of
-    what was drawn. Positions are relative to the true pose: they have no errors of localisation.
+    Errors are drawn along the line of sight and across it, and the covariances match the drawn
+    errors. Positions are relative to the true pose: they have no errors of localisation.
     """
     annotated = annotate_actors(sensor_frame)
     found = [item for item in annotated if item.lidar_points >= message.min_points]

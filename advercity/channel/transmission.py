@@ -1,8 +1,8 @@
-"""What becomes of the messages of a frame: queue, radio, loss and delay, at every other agent.
+"""Delivery of the messages of a frame: queue, radio, loss and delay, at every other agent.
 
 A frame needs the spec, the trace and its own sensor frames only. So the medium is free at every
-tick: what a tick before still sends does not delay it, and what is not sent when the next message
-of its kind is due is given up.
+tick: messages still on the air from earlier ticks do not delay it. A message not sent until the
+next one of its kind is due is given up.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,7 +46,7 @@ BITS_PER_MEGABIT = 1e6
 
 @dataclass(frozen=True)
 class Air:
-    """What the air has of water.
+    """Water in the air.
 
     Attributes:
         rain_mm_h: Rate of rain.
@@ -64,7 +64,7 @@ class _Link:
     Attributes:
         distance_m: Between their antennas.
         path: The radio path between them; None without a radio.
-        power_dbm: What each receives of the other; None without a radio.
+        power_dbm: Received power of each from the other; None without a radio.
     """
 
     distance_m: float
@@ -103,7 +103,7 @@ class V2xChannel:
             self._cam_ticks = {agent.id: find_cam_ticks(agent, trace) for agent in spec.agents}
 
     def send(self, sensor_frames: Sequence[SensorFrame], air: Air) -> dict[str, SentMessages]:
-        """Send what is due in a frame; return what each agent sends, by its id.
+        """Send the due messages of a frame; return each agent's messages, by its id.
 
         Args:
             sensor_frames: One per agent, of one frame.
@@ -134,7 +134,7 @@ class V2xChannel:
         if period_s is None:
             return False
         ticks = round(period_s / self._spec.timing.tick_s)
-        # Each station has its own beat, so that not all send in the same tick.
+        # Each station has its own beat: not all send in the same tick.
         phase = int(self._randomness.make_generator("phase", agent.id, str(kind)).integers(ticks))
         return tick % ticks == phase
 
@@ -146,9 +146,9 @@ class V2xChannel:
         return _Outgoing(kind, sensor_frame, size_bytes, objects)
 
     def _compute_waits_s(self, outgoing: Sequence[_Outgoing], tick: int) -> list[float | None]:
-        """Compute the time after which each message has been sent; None of those given up.
+        """Compute the time until each message is sent; None for messages given up.
 
-        CAM go first, then CPM, then data; stations of a kind in an order that the tick draws.
+        CAM go first, then CPM, then data; stations of a kind in an order drawn for the tick.
         """
         if self._channel.rate_mbit_s is None:
             return [0.0] * len(outgoing)
@@ -165,7 +165,7 @@ class V2xChannel:
         busy_s = 0.0
         for number in sorted(range(len(outgoing)), key=find_turn):
             end_s = busy_s + outgoing[number].size_bytes * BITS_PER_BYTE / bits_per_s
-            # What cannot be sent in time is not begun; smaller messages may still fit.
+            # A message without enough time is not begun; smaller ones may still fit.
             if end_s <= self._channel.periods_s.get(outgoing[number].kind, CAM_MIN_S):
                 waits_s[number] = busy_s = end_s
         return waits_s
@@ -249,7 +249,7 @@ class V2xChannel:
         generator = self._randomness.make_generator(
             "delivery", sender, receiver.id, str(item.kind), frame.index
         )
-        # Both are drawn for every message, so that no limit changes the fate of others.
+        # Both are drawn for every message: no limit changes the fate of others.
         luck, jitter = float(generator.random()), float(generator.standard_exponential())
         delay_s = (wait_s or 0.0) + channel.latency.minimum_s + channel.latency.jitter_s * jitter
         lost = None
@@ -272,7 +272,7 @@ class V2xChannel:
 
 
 def _find_environment(spec: Spec, channel: Channel) -> Environment:
-    """Find which path loss holds on the road of a spec."""
+    """Find the kind of path loss on the road of a spec."""
     declared = channel.radio.environment if channel.radio is not None else "auto"
     if declared == "auto":
         return "urban" if spec.road.land_use == "urban" else "highway"

@@ -1,1 +1,1 @@
-"""Files that others wrote: XML with places, and a record of what is not taken over from them."""
+"""Foreign files: XML with places, and a record of their omitted parts."""

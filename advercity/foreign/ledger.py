@@ -1,4 +1,4 @@
-"""The record of what a file of others has and the data have not.
+"""The record of the parts of a foreign file that the data lack.
 
 Every element and attribute of a format is read, has no effect, is refused, or is left out.
 """
@@ -20,7 +20,7 @@ class _Entry:
 
 
 class Ledger:
-    """Counts the parts of a file that are left out, by name."""
+    """Counts the omitted parts of a file, by name."""
 
     def __init__(self) -> None:
         self._entries: dict[str, _Entry] = {}
@@ -28,7 +28,7 @@ class Ledger:
     def leave_out(
         self, name: str, *, plural: str = "", at: Element | int = 0, count: int = 1
     ) -> None:
-        """Record that parts of the file are left out.
+        """Record omitted parts of the file.
 
         Args:
             name: Their name in the singular, `bus lane`.
@@ -50,7 +50,7 @@ class Ledger:
 
 
 def describe_left_out(parts: Iterable[LeftOut]) -> str:
-    """Describe what is left out in one line: `12 superelevations (line 40), 3 bus lanes`."""
+    """Describe omissions in one line: `12 superelevations (line 40), 3 bus lanes`."""
     return ", ".join(
         f"{part.count} {part.name}{f' (line {part.line})' if part.line else ''}" for part in parts
     )

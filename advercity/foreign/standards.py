@@ -1,4 +1,4 @@
-r"""Tables of what the formats of others can hold, and what advercity does with each part.
+r"""Tables of the parts of foreign formats, and their treatment by advercity.
 
 `tables/<format>.yaml` names every element of a standard once, by its own name, or by `parent/name`
 where elements of one name differ. Under it, `.` is the element itself, the other keys are its
@@ -9,13 +9,13 @@ attributes:
 
 | disposition | meaning |
 |---|---|
-| `read` | has an effect on what is made |
-| `none` | has no effect that anyone could see: names, ids, dates |
-| `left out: NAME` | is not taken over, and listed; NAME may be `singular \| plural` |
+| `read` | has an effect on the result |
+| `none` | has no visible effect: names, ids, dates |
+| `left out: NAME` | is omitted and listed; NAME may be `singular \| plural` |
 | `left out unless VALUE: NAME` | likewise, but for this value, the usual one; `0\|no`: either |
 | `refuse: REASON` | the file cannot be used |
 
-What is below an element that is left out is left out with it.
+Parts below an omitted element are omitted with it.
 """
 
 import re
@@ -38,11 +38,11 @@ ELEMENT = "."
 LEFT_OUT = re.compile(r"left out(?: unless (?P<usual>[^:]*))?: (?P<name>.+)")
 REFUSED = re.compile(r"refuse: (?P<reason>.+)")
 Refuse = Callable[[Element, str], None]
-"""Takes an element that is refused, and the reason."""
+"""Takes a refused element, and the reason."""
 
 
 def raise_refusal(element: Element, reason: str) -> None:
-    """Raise an InputError with the line of an element that is refused."""
+    """Raise an InputError with the line of a refused element."""
     raise InputError(f"line {get_line(element)}: <{element.tag}>: {reason}")
 
 
@@ -59,7 +59,7 @@ class Standard:
     elements: Mapping[str, Mapping[str, str]]
 
     def audit(self, root: Element, ledger: Ledger, refuse: Refuse = raise_refusal) -> None:
-        """Record every part of a document that is left out, and refuse those that are refused."""
+        """Record every omitted part of a document, and refuse those with `refuse`."""
         self._audit_element(root, (root.tag,), ledger, refuse)
 
     def audit_columns(
@@ -71,14 +71,14 @@ class Standard:
         kind: str = "column",
         line: int = 1,
     ) -> None:
-        """Record the columns of a table, or other names, that are left out.
+        """Record the omitted columns of a table, or other omitted names.
 
         Args:
             layout: The row of this standard for them.
             columns: Their names.
-            ledger: Where to record them.
-            kind: What they are, for those that the standard does not have.
-            line: Where they are; 0 if the format has no lines.
+            ledger: Record of omissions.
+            kind: Noun for names unknown to the standard.
+            line: Their line; 0 if the format has no lines.
         """
         row = self.elements[layout]
         for column in columns:
@@ -89,12 +89,12 @@ class Standard:
                 ledger.leave_out(f"{kind} {name}", plural=f"{kind}s {name}", at=line)
 
     def audit_tags(self, element: Element, kind: str, ledger: Ledger) -> None:
-        """Record the tags, keys with values, of an element that are left out.
+        """Record the omitted tags, keys with values, of an element.
 
         Args:
             element: A node, way or relation with `<tag k= v=>`.
             kind: The row of this standard for it.
-            ledger: Where to record them.
+            ledger: Record of omissions.
         """
         for tag in element.iter("tag"):
             key, value = tag.get("k", ""), tag.get("v", "")

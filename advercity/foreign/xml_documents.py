@@ -1,7 +1,7 @@
 """XML from unknown authors, with the line and column of every element.
 
 A document type is refused, and with it every entity and every external file. Size and depth are
-limited. A default namespace is removed, so that `<road>` is found with and without one.
+limited. A default namespace is removed: `<road>` is found with and without one.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ MAX_XML_DEPTH = 60
 
 
 class LocatedElement(Element):
-    """An element that knows where it begins in its file; line and column count from 1."""
+    """An element with its place in the file; line and column count from 1."""
 
     line: int = 0
     column: int = 0
@@ -53,7 +53,7 @@ def to_xml_bytes(root: Element) -> bytes:
 
 
 class _TreeParser:
-    """Builds a tree from expat's events, which hold the places that ElementTree drops."""
+    """Builds a tree from expat's events, with the places dropped by ElementTree."""
 
     def __init__(self) -> None:
         self._builder = ElementTree.TreeBuilder(element_factory=LocatedElement)

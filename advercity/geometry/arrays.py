@@ -1,6 +1,6 @@
-"""Names for NumPy arrays by element type, so that signatures stay short.
+"""Short names for NumPy arrays by element type.
 
-Shapes are in the docstring of whatever takes or returns an array.
+Functions give the shapes of their arrays in their docstrings.
 """
 
 from typing import Any

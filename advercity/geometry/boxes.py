@@ -33,7 +33,7 @@ class Box:
 BOX_EDGES = np.array(
     [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit], dtype=np.intp
 )
-"""(12, 2) rows of the corners that each edge joins: those that differ in one bit."""
+"""(12, 2) rows of the corners at the ends of each edge: they differ in one bit."""
 
 BOX_BASE = [0, 2, 6, 4]
 """Rows of the lower corners, in order around the base."""

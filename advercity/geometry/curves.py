@@ -1,4 +1,4 @@
-"""Plane curves of roads: reference lines of lines and arcs, and curves that connect two poses."""
+"""Plane curves of roads: reference lines of lines and arcs, and curves between two poses."""
 
 from collections.abc import Iterable
 
@@ -61,7 +61,7 @@ def sample_reference_line(
 
 
 def _even_stations(total: float, step: float) -> NDArray[np.float64]:
-    # Without the tolerance, rounding adds a sample to lengths that are a multiple of the step.
+    # Without the tolerance, rounding adds a sample to lengths of whole steps.
     count = int(np.ceil(total / step - 1e-9))
     return np.linspace(0.0, total, count + 1)[1:]
 
@@ -121,7 +121,7 @@ def build_connecting_curve(
 def _rounded_corner(
     start: Points, out: Points, end: Points, turn: float, before: float, radius: float
 ) -> Points:
-    """Build a line, an arc that turns by `turn` radians and a line to `end`.
+    """Build a line, an arc with a turn of `turn` radians and a line to `end`.
 
     `before` is the distance in metres from the start to the point where both tangents meet.
     """

@@ -13,12 +13,12 @@ from advercity.geometry.mesh import TriangleSurface
 from advercity.geometry.polyline import Points
 
 MAX_DRAPE_M = 1.5
-"""Greatest difference between the heights of an area and of the triangles that it is laid on."""
+"""Greatest difference between the heights of an area and of the triangles below it."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrapeBase:
-    """Triangles that areas are laid on.
+    """Triangles for areas to lie on.
 
     Attributes:
         corners: (n, 3, 3) corners, none upright.
@@ -35,7 +35,7 @@ class DrapeBase:
         return shapely.STRtree(self._facets)
 
     def drape(self, areas: Sequence[BaseGeometry], z_m: Sequence[float]) -> TriangleSurface:
-        """Lay convex areas on the triangles that are at about their heights."""
+        """Lay convex areas on the triangles nearest to their heights."""
         shapes = np.array(areas, dtype=np.object_)
         area, facet = self._tree.query(shapes, predicate="intersects")
         height, z = self.corners[facet, :, 2], np.asarray(z_m)[area]

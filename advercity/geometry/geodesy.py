@@ -1,6 +1,6 @@
 """Conversion between the ellipsoid WGS84 and the world frame (east, north, up) at an origin.
 
-Both directions are exact to rounding; the formulas are those of EPSG guidance note 7-2.
+Both directions are exact to rounding; the formulas are from EPSG guidance note 7-2.
 """
 
 import math

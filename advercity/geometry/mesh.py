@@ -1,8 +1,8 @@
-"""Triangle surfaces, and the meshes that worlds and bodies consist of.
+"""Triangle surfaces, and the meshes of worlds and bodies.
 
-A `TriangleSurface` is bare geometry in double precision; a `MeshPart` adds what it is made of. A
-`Mesh` joins all parts of one material, semantic class and wheel, since every mesh costs a renderer
-a draw call.
+A `TriangleSurface` is bare geometry in double precision; a `MeshPart` adds its material. A `Mesh`
+joins all parts of one material, semantic class and wheel, since every mesh costs a renderer a draw
+call.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -41,13 +41,13 @@ class Wheel:
 
 
 class MeshLayer(IntEnum):
-    """What of a body a mesh is: images may leave out the details of distant bodies."""
+    """Part of a body: images may leave out the details of distant bodies."""
 
     SHAPE = 0
     DETAIL = 1
     """Small, or behind windows."""
     OCCUPANT = 2
-    """A detail that is not in parked vehicles."""
+    """A detail, absent from parked vehicles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +63,12 @@ class Mesh:
         normals: (n, 3) float32 for smooth shading, or None for flat faces.
         weights: (n, bones) float32 skinning weights of a body with a gait, rows sum to 1; None for
             rigid meshes.
-        wheel: The wheel that it turns with, or None.
+        wheel: Its wheel, if it turns with one, or None.
         uv: (n, 2) float32 metres to the right and up on the images of its material, or None: images
             then lie over a static mesh along the world's axes. Panes of rooms have codes of
             `scene.rooms` instead.
-        layer: What of a body it is.
-        maps: Name of images of its own, in place of those of its material; empty for none.
+        layer: Its part of a body.
+        maps: Name of images of its own, in place of the material's; empty for none.
         writing: First and last vertex, the latter excluded, of every line of writing on it.
     """
 
@@ -133,7 +133,7 @@ class MeshPart:
 
 
 def build_ribbon(left: Points, right: Points) -> TriangleSurface:
-    """Build the surface between two lines (n, 3) that is seen where `left` is on the left.
+    """Build the surface between two lines (n, 3), visible from where `left` is on the left.
 
     Images of its material run along it, their upper edge on the left.
     """
@@ -155,7 +155,7 @@ def triangulate_polygon(polygon: shapely.Polygon) -> tuple[Points, NDArray[np.in
     triangles = mapbox_earcut.triangulate_float64(corners, ends).reshape(-1, 3).astype(np.int64)
     a, b, c = (corners[triangles[:, i]] for i in range(3))
     area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    # Earcut keeps the winding of the ring that it cuts, which shapely does not fix.
+    # Earcut keeps the winding of the cut ring, which shapely does not fix.
     triangles[area < 0] = triangles[area < 0][:, ::-1]
     return corners, triangles[np.abs(area) > 1e-9]
 
@@ -169,7 +169,7 @@ def extract_polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
 def build_grid_cells(
     bounds: tuple[float, float, float, float], size_m: float
 ) -> NDArray[np.object_]:
-    """Build squares of `size_m` that cover a box (west, south, east, north)."""
+    """Build squares of `size_m` over a box (west, south, east, north)."""
     x, y = (np.arange(bounds[axis], bounds[axis + 2], size_m)[:, None] for axis in (0, 1))
     west, south = (grid.ravel() for grid in np.meshgrid(x, y))
     return shapely.box(west, south, west + size_m, south + size_m)
@@ -214,7 +214,7 @@ def join_surfaces(surfaces: Iterable[TriangleSurface]) -> TriangleSurface:
 def merge_surfaces(
     surfaces: Mapping[str, Sequence[TriangleSurface]], kinds: Mapping[str, tuple[str, Semantic]]
 ) -> list[Mesh]:
-    """Build a mesh of each name that has surfaces; `kinds` are its material and class."""
+    """Build a mesh of each name with surfaces; `kinds` are its material and class."""
     return [
         join_surfaces(found).to_mesh(name, *kinds[name])
         for name, found in surfaces.items()
@@ -285,7 +285,7 @@ def shade_smooth(surface: TriangleSurface) -> TriangleSurface:
 
     Triangles without area are dropped.
     """
-    # Vertices that coincide to 10 µm are one, however many parts of the surface have them.
+    # Vertices equal to 10 µm are one, in however many parts of the surface.
     _, shared = number_rows(np.round(surface.vertices, 5))
     corner = shared[surface.triangles]
     edges = surface.vertices[surface.triangles]
@@ -326,8 +326,8 @@ def number_rows(rows: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.intp]]
 def _crease_normals(corner: NDArray[np.int64], area: Float64Array) -> Float64Array:
     """Average normals (3 m, 3) of triangle corners over the faces that meet there smoothly.
 
-    `corner` (m, 3) numbers the point at each corner; `area` (m, 3) are normals as long as twice
-    the face's area, so that large faces count more.
+    `corner` (m, 3) numbers the point at each corner; `area` (m, 3) are normals as long as twice the
+    face's area: large faces count more.
     """
     point = corner.reshape(-1)
     face = np.repeat(np.arange(len(corner)), 3)
@@ -382,7 +382,7 @@ def build_meshes(pieces: Sequence[MeshPart], prefix: str = "") -> list[Mesh]:
 
 
 def _find_writing(surfaces: Sequence[TriangleSurface]) -> tuple[tuple[int, int], ...]:
-    """Find the vertices of lines of writing among surfaces that are joined."""
+    """Find the vertices of lines of writing among joined surfaces."""
     ends = np.cumsum([len(surface.vertices) for surface in surfaces]).tolist()
     return tuple(
         (end - len(surface.vertices), end)

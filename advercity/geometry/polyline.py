@@ -51,7 +51,7 @@ def offset_points(points: Points, headings: NDArray[np.float64], t: ArrayLike) -
 
 
 def drop_repeated_points(points: Points) -> Points:
-    """Drop points of a polyline (n, d) that repeat the one before."""
+    """Drop points of a polyline (n, d) equal to the one before."""
     keep = np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6
     return points[np.concatenate([[True], keep])]
 
@@ -74,7 +74,7 @@ class StationedPolyline:
         """Measure stations along the chords, scaled so that the last is `length_m` if given."""
         stations_m = polyline_stations(points)
         if length_m is not None:
-            # A lane that is a single point in the plan still has a length for SUMO.
+            # A lane of a single point in the plan still has a length for SUMO.
             stations_m = stations_m * (length_m / max(stations_m[-1], 1e-6))
         return cls(points, stations_m)
 
@@ -124,7 +124,7 @@ class StationedPolyline:
     def cut(self, start_m: float, end_m: float, *, margin_m: float = 0.0) -> "StationedPolyline":
         """Cut out the part between two stations; its own stations are chords and begin at 0.
 
-        Points within `margin_m` of either end are left out, so that no sliver remains.
+        Points within `margin_m` of either end are left out, to avoid slivers.
         """
         is_inside = self.stations_m > start_m + margin_m
         is_inside &= self.stations_m < end_m - margin_m
@@ -151,7 +151,7 @@ def offset_polyline(line: Points, lateral_m: float) -> Points:
 
 
 def simplify_together(lines: Sequence[Points], max_error_m: float) -> NDArray[np.int64]:
-    """Choose the points (indices) of lines (n, 3) that keep all of them within an error.
+    """Choose the points (indices) of lines (n, 3) to keep all of them within an error.
 
     The lines have their points at the same places along one line (Douglas and Peucker's way).
     """

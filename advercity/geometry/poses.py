@@ -51,7 +51,7 @@ def invert_pose(matrix: Matrix) -> Matrix:
 def mirror_pose(matrix: Matrix) -> Matrix:
     """Mirror the place of a body at the x axis (world y negated); it stays a rotation.
 
-    A body that is symmetric about its x-z plane becomes its mirror image.
+    A body symmetric about its x-z plane becomes its mirror image.
     """
     mirrored = matrix.copy()
     mirrored[1] = -mirrored[1]

@@ -54,7 +54,7 @@ def plate(corners: ArrayLike, thickness_m: float) -> TriangleSurface:
 
 
 def rectangles(centres: ArrayLike, across: ArrayLike, upward: ArrayLike) -> TriangleSurface:
-    """Build flat rectangles that are seen from one side, with normals.
+    """Build flat rectangles, visible from one side, with normals.
 
     `across` and `upward` (k, 3) lead from the centres (k, 3) to the right edge, as seen from in
     front, and to the upper edge.
@@ -96,7 +96,7 @@ def tube(
         axis, radius = _add_domes(axis, radius)
     along = normalize(axis[1:] - axis[:-1])
     along = normalize(np.concatenate([along[:1], along[:-1] + along[1:], along[-1:]]))
-    # The axis that the tube follows least is across it everywhere.
+    # The axis least along the tube is across it everywhere.
     reference = np.eye(3)[np.argmin(np.abs(along).mean(axis=0))]
     across = normalize(np.cross(along, reference))
     upward = np.cross(along, across)

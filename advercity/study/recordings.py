@@ -1,7 +1,7 @@
 """Pictures and LiDAR sweeps of a folder, in the layouts of real data sets or in our own.
 
-A recording is what one vehicle's front camera and upper LiDAR gave. Real data sets are the user's
-own folders: nothing is downloaded.
+A recording has the data of one vehicle's front camera and upper LiDAR. Real data sets are the
+user's own folders: advercity downloads none.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,7 +36,7 @@ class Sweep:
 
     Attributes:
         points: (n, 3) float32, metres, origin in the LiDAR.
-        intensity: (n,) float32, 0 to 1 of what the data set can tell.
+        intensity: (n,) float32, 0 to 1 of the data set's range.
     """
 
     points: NDArray[np.float32]
@@ -49,7 +49,7 @@ class SweepFormat:
 
     Attributes:
         columns: Numbers a row: x, y, z and intensity first.
-        full_intensity: What the brightest echo can have.
+        full_intensity: Intensity of the brightest possible echo.
     """
 
     columns: int
@@ -58,11 +58,11 @@ class SweepFormat:
 
 @dataclass(frozen=True)
 class FolderLayout:
-    """Where a data set keeps the pictures of its front camera and the sweeps of its LiDAR.
+    """Paths of the front camera's pictures and the LiDAR's sweeps in a data set.
 
     Attributes:
         name: Name of the data set.
-        pictures: Patterns of paths within the folder; the first that finds a file counts.
+        pictures: Patterns of paths within the folder; the first with a match counts.
         sweeps: The same for sweeps; none if there are none.
         sweep_format: Content of the sweeps.
     """
@@ -108,7 +108,7 @@ class Recording:
 
     Attributes:
         name: Name in tables and plots.
-        layout: Name of the layout that was found.
+        layout: Name of the found layout.
         picture_loaders: A function for each picture: (h, w, 3) uint8, RGB.
         sweep_loaders: A function for each sweep.
     """

@@ -1,7 +1,7 @@
 """Tables and plots of a study.
 
 `picture_distances.csv` and `embedding.png` compare pictures, `lidar.csv`, `lidar_distances.csv` and
-`lidar.png` compare sweeps; a kind that only one recording has is left out.
+`lidar.png` compare sweeps; a kind in only one recording is left out.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What the echoes of a LiDAR are like: how many, how far, how bright, in which rows, how lonely."""
+"""Statistics of a LiDAR's echoes: number, range, intensity, rows and loneliness."""
 
 from dataclasses import dataclass
 from importlib import import_module
@@ -15,10 +15,10 @@ RANGE_EDGES_M = np.linspace(0.0, 120.0, 25)
 INTENSITY_EDGES = np.linspace(0.0, 1.0, 21)
 ELEVATION_EDGES_DEG = np.linspace(-30.0, 20.0, 21)
 MIN_RANGE_M = 2.5
-"""Nearer echoes are of the vehicle that carries the LiDAR in some sets, and left out in others."""
+"""Nearer echoes are of the LiDAR's own vehicle in some sets, and left out in others."""
 NEIGHBOUR_COUNT, MIN_RADIUS_M, RADIUS_SPACINGS = 3, 0.04, 3.0
-"""A point is lonely with fewer neighbours than that within 4 cm or three spacings of the beams: the
-filter by which Charron et al. (2018) find snow, with their parameters."""
+"""A point is lonely with fewer than three neighbours within 4 cm or three spacings of the beams:
+the filter for snow of Charron et al. (2018), with their parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +30,11 @@ class SweepStatistics:
         sweeps: Number of sweeps.
         echoes: Echoes of a sweep beyond 2.5 m.
         median_range_m: Median range of all echoes.
-        far_range_m: Range that 5 % of the echoes are beyond.
+        far_range_m: Range exceeded by 5 % of the echoes.
         mean_intensity: Mean intensity.
         lonely_ratio: Echoes with hardly any neighbours, as of flakes and ghosts, among all.
-        ranges, intensities, elevations: Fractions of the echoes in the bins of this module; what
-            lies outside of the bins is in the outermost.
+        ranges, intensities, elevations: Fractions of the echoes in the bins of this module; echoes
+            outside of the bins are in the outermost.
     """
 
     name: str
@@ -99,7 +99,7 @@ def find_lonely_points(points: Float32Array) -> NDArray[np.bool_]:
         raise InputError(f"SciPy is not installed; {INSTALL_HINT}") from error
     range_m = np.linalg.norm(points, axis=1)
     directions = points / range_m[:, None]
-    # The next nearest but itself: the spacing of beams, whatever LiDAR it is.
+    # The next nearest but itself: the spacing of beams of any LiDAR.
     spacing_rad = np.median(spatial.KDTree(directions).query(directions, k=2)[0][:, 1])
     radius_m = np.maximum(MIN_RADIUS_M, RADIUS_SPACINGS * spacing_rad * range_m)
     farthest_m = spatial.KDTree(points).query(points, k=NEIGHBOUR_COUNT + 1)[0][:, -1]

@@ -1,7 +1,7 @@
-"""Boxes and the maps that the network learns and predicts: one cell for each square metre.
+"""Boxes, and the network's maps of targets and predictions: one cell for each square metre.
 
-Seen from above, a box has the same overlap after half a turn; so does what is learned of its
-heading, the sine and cosine of twice its angle.
+Seen from above, a box has the same overlap after half a turn; so does its learned heading, the sine
+and cosine of twice its angle.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ SPREAD_M = 1.0
 LEARNED_HEAT = 0.5
 """Cells from which the box is learned: within 1.2 m of its middle."""
 HIGHEST_OVERLAP = 0.15
-"""Of two boxes that overlap more, the one with the lower score is dropped."""
+"""Above this overlap of two boxes, the one with the lower score is dropped."""
 SAME_OBJECT_M = 2.5
 """Boxes of a LiDAR and of a camera whose middles are nearer are of one object."""
 Area = tuple[float, float]
@@ -41,7 +41,7 @@ def compute_cell_centres(area: Area) -> Float64Array:
 def draw_targets(
     boxes: Float64Array, ignored: Float64Array, area: Area
 ) -> tuple[Float32Array, Float32Array, Float32Array]:
-    """Draw what the network has to predict.
+    """Draw the targets of the network.
 
     Args:
         boxes: (n, 7) in the frame of the map.
@@ -82,7 +82,7 @@ def draw_targets(
 
 
 def drop_overlapping(boxes: Float64Array, scores: Float64Array) -> FoundBoxes:
-    """Drop boxes (n, 7) that overlap with one of a higher score (n,)."""
+    """Drop boxes (n, 7) in overlap with one of a higher score (n,)."""
     order = np.argsort(-scores, kind="stable")
     boxes, scores = boxes[order], scores[order]
     overlaps = compute_overlaps(boxes, boxes) > HIGHEST_OVERLAP
@@ -94,10 +94,10 @@ def drop_overlapping(boxes: Float64Array, scores: Float64Array) -> FoundBoxes:
 
 
 def fuse_sensors(lidar: FoundBoxes, camera: FoundBoxes) -> FoundBoxes:
-    """Fuse what a station's LiDAR and cameras find by themselves, in one frame.
+    """Fuse the boxes of a station's LiDAR and cameras, in one frame.
 
-    What both find is where the LiDAR has it, since cameras are less sure of distances, with the
-    probability that one of them is right. What one of them finds keeps its score.
+    Boxes of both are where the LiDAR has them, since cameras are less sure of distances, with the
+    probability that one of them is right. Other boxes keep their scores.
     """
     boxes, scores = lidar[0], lidar[1].copy()
     seen, seen_scores = camera

@@ -1,4 +1,4 @@
-"""Detectors in files: weights, how they were trained, and what is needed to go on after a kill."""
+"""Detectors in files: weights, their training, and the state to go on after a kill."""
 
 import hashlib
 import io
@@ -23,7 +23,7 @@ SENSORS: tuple[Sensor, ...] = get_args(Sensor)
 
 
 def check_sensor(name: str) -> Sensor:
-    """Return the sensor of that name; InputError if it is not known."""
+    """Return the sensor by its name; InputError if it is unknown."""
     for sensor in SENSORS:
         if sensor == name:
             return sensor
@@ -31,7 +31,7 @@ def check_sensor(name: str) -> Sensor:
 
 
 class TrainingRecord(Model):
-    """How a detector is trained: a run that was cut short goes on if all of it is the same."""
+    """Settings of a training: an interrupted run continues only with equal ones."""
 
     version: Literal[1] = 1
     sensor: Sensor = "lidar"
@@ -45,7 +45,7 @@ class TrainingRecord(Model):
     dataset_sha256: str = ""
     """Of the names of its scenarios, their specs and the numbers of their frames."""
     start_sha256: str | None = None
-    """Of the detector that it starts from."""
+    """SHA-256 of the initial detector."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         )
     except ValidationError as error:
         raise InputError(f"{path}: is a detector of another version") from error
-    except Exception as error:  # torch.load raises many kinds for what is no checkpoint
+    except Exception as error:  # torch.load raises many kinds for other files
         raise InputError(f"{path}: is no detector, or is damaged") from error
 
 

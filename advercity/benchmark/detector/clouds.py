@@ -1,4 +1,4 @@
-"""The clouds of a frame that a station has: its own, and what others have sent it."""
+"""The clouds of a frame at a station: its own and the received ones."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ GROUND_QUANTILE = 0.01
 
 @dataclass(frozen=True, eq=False)
 class StationCloud:
-    """The cloud of a station, and where the ego believes that it was taken.
+    """The cloud of a station, and its place as assumed by the ego.
 
     Attributes:
-        view: What the station recorded.
+        view: Record of the station.
         points: (n, 4) x, y, z, intensity in its LiDAR's frame, z over the ground around it.
-        ground_m: Height of that ground in the LiDAR's frame.
+        ground_m: Height of the ground in the LiDAR's frame.
         ego_from_station: (4, 4) to the ego's LiDAR frame, both with z over their ground.
     """
 
@@ -44,7 +44,7 @@ _FusionT = TypeVar("_FusionT", bound=Fusion)
 
 
 def check_fusion(name: str, known: Sequence[_FusionT]) -> _FusionT:
-    """Return the fusion of that name; InputError if it is not among those known."""
+    """Return the fusion by its name; InputError if it is unknown."""
     for fusion in known:
         if fusion == name:
             return fusion
@@ -52,7 +52,7 @@ def check_fusion(name: str, known: Sequence[_FusionT]) -> _FusionT:
 
 
 def check_frames(frames: Sequence[FrameView], fusion: Fusion, *, is_ideal: bool) -> None:
-    """Raise an InputError that says why messages of frames cannot be fused."""
+    """Raise an InputError with the reason if messages of frames cannot be fused."""
     for scenario in {frame.scenario.path: frame.scenario for frame in frames}.values():
         if fusion == "none" or is_ideal:
             continue
@@ -71,17 +71,17 @@ _CARRIERS: dict[Fusion, tuple[MessageKind, ...]] = {
     "early": (MessageKind.DATA,),
     "intermediate": (MessageKind.DATA,),
 }
-"""Messages that carry boxes, points or features."""
+"""Messages with boxes, points or features."""
 
 
 def load_clouds(frame: FrameView, fusion: Fusion, *, is_ideal: bool) -> list[StationCloud]:
-    """Load the ego's cloud and, if fused, those of others; the ego's comes first.
+    """Load the ego's cloud and, if fused, the others'; the ego's comes first.
 
     Args:
         frame: The frame.
-        fusion: What is fused: by it the messages are chosen that carry it.
+        fusion: Kind of fusion, which decides the messages.
         is_ideal: Whether all stations in range arrive at once and with their true poses, in place
-            of what arrived over the channel.
+            of the messages received over the channel.
     """
     ego = frame[frame.scenario.spec.ego.id]
     own = load_cloud(ego)

@@ -21,12 +21,12 @@ CAMERA_AREA: Area = (60.0, 40.0)
 HEIGHTS_M = (0.2, 1.0, 2.0)
 """Over the ground, where images are sampled for a cell."""
 IMAGE_PX = (384, 216)
-"""Width and height that images are reduced to."""
+"""Width and height of the reduced images."""
 SMALLEST_PX = 48
 """Of an image's sides. Rigs without a use for images have one of 16 pixels."""
 NEAREST_M = 0.5
 OUTSIDE = 2.0
-"""Where a cell is in an image that does not show it."""
+"""Place of a cell in an image without it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class StationImages:
 
 
 def check_cameras(frames: Sequence[FrameView]) -> None:
-    """Raise an InputError that says why images of frames cannot be used."""
+    """Raise an InputError with the reason if images of frames cannot be used."""
     hint = "generate it with a rig of cameras, as lidar_camera, and a backend that renders"
     for frame in {frame.scenario.path: frame for frame in frames}.values():
         for view in frame.views.values():
@@ -91,7 +91,7 @@ def _place_cells() -> NDArray[np.float64]:
 
 
 def _load_colours(view: AgentView, camera: int) -> NDArray[np.uint8]:
-    """Load an image (h, w, 3) in the size that the network sees."""
+    """Load an image (h, w, 3) in the size of the network's input."""
     image = view.image(camera)
     return np.asarray(cv2.resize(image, IMAGE_PX, interpolation=cv2.INTER_AREA), np.uint8)
 

@@ -107,7 +107,7 @@ def _build_block(before: int, after: int, layers: int, stride: int = 2) -> Tenso
 def _build_levels(
     channels: int, widths: tuple[int, ...], *, layers: int, stride: int
 ) -> tuple[Tensor, Tensor]:
-    """Build blocks of convolutions, each on half the map, and what merges them."""
+    """Build blocks of convolutions, each on half the map, and their merging layers."""
     before, strides = (channels, *widths), (stride, *[2] * (len(widths) - 1))
     blocks = nn.ModuleList(
         _build_block(first, width, layers, step)
@@ -117,7 +117,7 @@ def _build_levels(
 
 
 def _merge_levels(blocks: Tensor, merges: Tensor, level: Tensor) -> Tensor:
-    """Compute what all blocks find, on the map of the first."""
+    """Compute the features of all blocks, on the map of the first."""
     merged: Tensor = 0.0
     for block, merge in zip(blocks, merges, strict=True):
         level = block(level)
@@ -147,8 +147,8 @@ class CloudEncoder(nn.Module):
 class CameraEncoder(nn.Module):
     """From images to a feature map with a cell for each square metre.
 
-    A cell has the features of the pixels that show it at several heights, the mean of all cameras;
-    and where it is from the station, since vehicles ahead look different from those beside it.
+    A cell has the features of its pixels at several heights, as mean of all cameras, and its place
+    relative to the station, since vehicles ahead look different from vehicles beside it.
     """
 
     def __init__(self, channels: int) -> None:
@@ -183,7 +183,7 @@ def _describe_cells(area: Area) -> Float32Array:
 
 
 class Attention(nn.Module):
-    """For each cell, what the ego takes from the feature maps of all stations."""
+    """For each cell, the ego's weighted mean of the feature maps of all stations."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()

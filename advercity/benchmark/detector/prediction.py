@@ -52,12 +52,12 @@ def predict_dataset(
         detector: File of a trained detector.
         dataset: Frames to predict.
         output: File of predictions.
-        camera: File of a detector trained on images, whose boxes are fused with those that the
-            first finds in the cloud of the same station.
-        fusion: That of the detector if None; one that was trained without fusion can also fuse
-            `late` and `early`.
+        camera: File of a detector trained on images, whose boxes are fused with the first
+            detector's boxes in the cloud of the same station.
+        fusion: By default the detector's; a detector trained without fusion can also fuse `late`
+            and `early`.
         is_ideal: Whether all stations in range arrive at once and with their true poses.
-        frames: Recorded frames of each scenario that are used.
+        frames: Used frames of each scenario.
         device: As PyTorch names it.
 
     Raises:
@@ -97,7 +97,7 @@ def _check_detector(path: Path, record: TrainingRecord, fusion: Fusion) -> None:
 
 
 def _load_second(path: Path, first: TrainingRecord, fusion: Fusion) -> Any:
-    """Load the detector of images whose boxes are fused with those of the first."""
+    """Load the detector of images, for fusion with the boxes of the first."""
     network, record = load_detector(path)
     if record.sensor != "camera":
         raise InputError(f"{path}: sees clouds; --camera takes one of `train --sensor camera`")
@@ -116,10 +116,10 @@ def predict_frame(
     """Predict the boxes of a frame in the ego's LiDAR frame.
 
     Args:
-        networks: One detector; or that of clouds, then that of images.
+        networks: One detector; or one of clouds, then one of images.
         frame: The frame.
-        fusion: What others send.
-        is_ideal: Whether it arrives at once and with true poses.
+        fusion: Kind of messages.
+        is_ideal: Whether they arrive at once and with true poses.
     """
     clouds = load_clouds(frame, fusion, is_ideal=is_ideal)
     if fusion == "early":
@@ -145,7 +145,7 @@ def _detect_in_maps(network: Any, clouds: list[StationCloud], areas: list[Area])
 
 
 def _detect_at_station(networks: Sequence[Any], cloud: StationCloud, area: Area) -> FoundBoxes:
-    """Detect what a station finds by itself, in its own frame."""
+    """Detect objects at a station by itself, in its own frame."""
     found: list[FoundBoxes] = []
     for network in networks:
         if network.has_cameras:
@@ -164,7 +164,7 @@ def _detect(network: Any, features: Tensor, area: Area) -> FoundBoxes:
 def read_boxes(heat: Tensor, learned: Tensor, area: Area) -> FoundBoxes:
     """Read boxes (n, 7) and their scores (n,) off the predicted maps (1, nx, ny), (8, nx, ny).
 
-    Boxes are the peaks of the heat, less those that overlap with a better one.
+    Boxes are the peaks of the heat, without overlaps with better ones.
     """
     scores = torch.sigmoid(heat)
     is_peak = scores == functional.max_pool2d(scores, 3, stride=1, padding=1)

@@ -1,4 +1,4 @@
-"""Samples that the network learns from: clouds or images of a frame, and the boxes they show."""
+"""Samples for the network: clouds or images of a frame, and their boxes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,23 +22,23 @@ STATION_AREA: Area = (72.0, 72.0)
 TRAINING_AREA: Area = (100.0, 40.0)
 """What is learned from, for any station: farther away, there is little to learn from."""
 MIN_POINTS = 3
-"""Points that an object has to have; what has fewer is neither right nor wrong."""
+"""Least points of an object; objects with fewer are neither right nor wrong."""
 MIN_VISIBLE = 0.2
-"""Of an object that cameras learn: its part that one of them shows."""
+"""Least visible part in one camera of an object learned from images."""
 MAX_TURN_RAD = 0.3
-"""Most by which what a vehicle sees is turned, which is along its street; a unit on a pole looks in
-any direction."""
+"""Largest turn of a vehicle's view, which is along its street; a unit on a pole looks in any
+direction."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """What the network gets, and what it has to predict.
+    """Input of the network, and its targets.
 
     Attributes:
-        recorded: Points (n, 4), or images, of each station that is encoded by itself.
+        recorded: Points (n, 4), or images, of each station encoded by itself.
         poses: (4, 4) from each of them to the first.
         areas: Area of each.
-        heat, learned, weights: As of `draw_targets`, for the first.
+        heat, learned, weights: Results of `draw_targets`, for the first.
     """
 
     recorded: Sequence[Float32Array | StationImages]
@@ -88,7 +88,7 @@ def merge_clouds(clouds: list[StationCloud]) -> StationCloud:
 def _load_station_truth(
     cloud: StationCloud, *, has_cameras: bool
 ) -> tuple[Float64Array, Float64Array]:
-    """Load what a station annotates: boxes (n, 7) to learn, and to ignore."""
+    """Load the annotations of a station: boxes (n, 7) to learn, and to ignore."""
     annotated = cloud.view.boxes
     pose = cloud.view.world_from_lidar @ poses.pose_matrix((0.0, 0.0, cloud.ground_m))
     station_from_boxes = poses.invert_pose(pose) @ annotated.world_from_box
@@ -129,7 +129,7 @@ def _draw_sample(
 
 
 def _move_points(clouds: list[StationCloud], turn: Matrix, mirror: Matrix) -> list[Float32Array]:
-    """Turn the points of the first cloud, and mirror those of all."""
+    """Turn the points of the first cloud, and mirror the points of all."""
     points = [cloud.points.copy() for cloud in clouds]
     points[0][:, :3] = poses.transform_points(turn, points[0][:, :3])
     for one in points:

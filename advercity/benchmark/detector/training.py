@@ -1,4 +1,4 @@
-"""Training: steps that depend on the seed and their number alone, so that a run can go on."""
+"""Training: steps depend on the seed and their number alone, so a run can go on."""
 
 import hashlib
 import math
@@ -55,16 +55,16 @@ def train_detector(
     device: str = "cpu",
     report: Callable[[TrainingProgress], None] = lambda progress: None,
 ) -> None:
-    """Train a detector, or go on where a run was cut short.
+    """Train a detector, or continue an interrupted run.
 
     The same record, dataset and number of threads give the same weights, with a break or without.
 
     Args:
         dataset: Frames to learn from.
-        output: File of the detector, which is written every 100 steps.
+        output: File of the detector, written every 100 steps.
         record: How to train; its checksums are filled in here.
-        frames: Recorded frames of each scenario that are used.
-        start: Detector whose weights are taken over.
+        frames: Used frames of each scenario.
+        start: Detector with the initial weights.
         device: As PyTorch names it.
         report: Called every 100 steps.
 
@@ -108,9 +108,9 @@ def train_detector(
 
 
 def _select_learned(network: Any, record: TrainingRecord, start: Path | None) -> list[Tensor]:
-    """Select what is learned: the encoder of an intermediate fusion stays as it started.
+    """Select the parameters to train: the encoder of an intermediate fusion stays fixed.
 
-    So all stations send the feature maps of the detector that each has for itself.
+    So all stations send the feature maps of their own detector.
     """
     if start is None or record.fusion != "intermediate":
         return list(network.parameters())
