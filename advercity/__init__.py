@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from advercity_dsl import Spec
 
-    from advercity.api import RunResult, load_spec, run, simulate
+    from advercity.api import RunResult, load_spec, run, run_batch, simulate
     from advercity.compiler import compile_library, write_specs
     from advercity.dataset.reader import open_dataset
+    from advercity.run_options import RunOptions
     from advercity.sensors.camera import develop_raw
 
 __version__ = "0.1.0"
 __all__ = [
+    "RunOptions",
     "RunResult",
     "Spec",
     "__version__",
@@ -25,11 +27,13 @@ __all__ = [
     "load_spec",
     "open_dataset",
     "run",
+    "run_batch",
     "simulate",
     "write_specs",
 ]
 
 _HOMES = {
+    "RunOptions": "advercity.run_options",
     "RunResult": "advercity.api",
     "Spec": "advercity_dsl",
     "compile_library": "advercity.compiler",
@@ -37,6 +41,7 @@ _HOMES = {
     "load_spec": "advercity.api",
     "open_dataset": "advercity.dataset.reader",
     "run": "advercity.api",
+    "run_batch": "advercity.api",
     "simulate": "advercity.api",
     "write_specs": "advercity.compiler",
 }

@@ -5,28 +5,26 @@ line and column where a file is at fault, and `RunError` for what fails while it
 """
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import wraps
+from inspect import Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Concatenate, ParamSpec
 
 from advercity_dsl import Spec
 
 from advercity import compiler
+from advercity.run_options import OPTIONS, RunOptions
 
 if TYPE_CHECKING:
     # The pipeline loads SUMO, Rerun and OpenCV; loading specs does not wait for them.
-    from advercity.dataset.cloud_files import CloudEncoding
     from advercity.dataset.reader import Dataset
-    from advercity.pipeline import (
-        ResourceLimits,
-        RunListener,
-        ScenarioResult,
-        ViewerTarget,
-    )
+    from advercity.pipeline import RunListener, ScenarioResult
     from advercity.pipeline.preparation import TrafficResult
 
 PathLike = str | os.PathLike[str]
+P = ParamSpec("P")
 
 
 def load_spec(
@@ -102,91 +100,61 @@ class RunResult:
         return open_dataset(self.output)
 
 
-def run(
-    specs: Spec | Iterable[Spec],
-    output: PathLike = "output",
-    *,
-    backend: str = "auto",
-    profile: Literal["auto", "preview", "full"] | str = "auto",
-    scale: float | None = None,
-    frames: slice | None = None,
-    format: str = "opv2v",
-    min_points: int = 0,
-    clouds: "CloudEncoding" = "binary_compressed",
-    fresh: bool = False,
-    viewer: "ViewerTarget | None" = None,
-    jobs: int | None = None,
-    limits: "ResourceLimits | None" = None,
-    allow_large: bool = False,
-    allow_missing_models: bool = False,
-    allow_edited: bool = False,
-    allow_missed: bool = False,
-    executor: str = "local",
-    ray_address: str | None = None,
-    listener: "RunListener | None" = None,
-    check: bool = True,
+def run_batch(
+    specs: Spec | Iterable[Spec], options: RunOptions, *, listener: "RunListener | None" = None
 ) -> RunResult:
-    """Run scenarios: traffic, sensors, dataset. What is finished in `output` is not made again.
+    """Run scenarios and return how each ended; what failed is in the result and not raised.
 
     Args:
         specs: One spec or several, with different ids.
-        output: Folder for the dataset; with Ray also the URL of a store.
-        backend: Rendering backend, by name; `auto` is `sapien`, and `mitsuba` for `full` where it
-            is installed and no device traces rays in hardware.
-        profile: How well to render: `preview`, `full`, or `auto` for what suits the device.
-        scale: Image scale in place of the profile's.
-        frames: Recorded frames to make, such as `slice(0, 30)`; None is all.
-        format: Layout of the dataset, `opv2v` or `adver_city`.
-        min_points: LiDAR points that an actor must return to an agent to be annotated by it.
-        clouds: Encoding of PCD files.
-        fresh: Discard what an earlier run left.
-        viewer: Where a live view or a recording goes.
-        jobs: Worker processes at a time; None is as many as suit this machine.
-        limits: Memory and time that a scenario may take; None is what the estimate allows.
-        allow_large: Run what the estimate finds too large.
-        allow_missing_models: Generate bodies in place of models that are not installed, and record
-            it in the manifest.
-        allow_edited: Run specs that were edited after they were compiled, and record it.
-        allow_missed: Make scenarios whose conflicts do not happen as declared, and record it.
-        executor: `local`, or `ray` for a cluster.
-        ray_address: Address of the Ray cluster; None starts one on this machine.
+        options: How to run them.
         listener: Gets progress and results, from the calling thread.
-        check: Raise failures after all scenarios have ended, as `subprocess.run` does; else they
-            are in the result only.
 
     Raises:
         InputError: A spec or an option does not fit, before anything is made.
-        AdvercityError: With `check`, what failed.
     """
     from advercity import pipeline
 
     batch = [specs] if isinstance(specs, Spec) else list(specs)
-    target = os.fspath(output)
-    options = pipeline.RunOptions(
-        output=Path(target),
-        backend=backend,
-        profile=profile,
-        scale=scale,
-        frames=frames or slice(None),
-        viewer=viewer or pipeline.ViewerTarget(),
-        fresh=fresh,
-        format=format,
-        allow_missing_models=allow_missing_models,
-        allow_edited=allow_edited,
-        allow_missed=allow_missed,
-        min_points=min_points,
-        clouds=clouds,
-    )
-    results = pipeline.run_batch(
-        batch,
-        options,
-        jobs=jobs,
-        limits=limits,
-        allow_large=allow_large,
-        executor=pipeline.create_executor(executor, output=target, address=ray_address),
-        listener=listener,
-    )
-    result = RunResult(target, tuple(results))
-    if check:
-        result.raise_failures()
+    results = pipeline.run_batch(batch, options, listener=listener)
+    return RunResult(str(options.output), tuple(results))
+
+
+def _take_options(
+    make_options: Callable[P, RunOptions],
+) -> Callable[
+    [Callable[[Spec | Iterable[Spec], RunOptions], RunResult]],
+    Callable[Concatenate[Spec | Iterable[Spec], P], RunResult],
+]:
+    """Give a function the parameters of `make_options` in place of the options themselves."""
+
+    def decorate(
+        function: Callable[[Spec | Iterable[Spec], RunOptions], RunResult],
+    ) -> Callable[Concatenate[Spec | Iterable[Spec], P], RunResult]:
+        @wraps(function)
+        def call(specs: Spec | Iterable[Spec], *args: P.args, **kwargs: P.kwargs) -> RunResult:
+            return function(specs, make_options(*args, **kwargs))
+
+        first, _ = signature(function).parameters.values()
+        taken = signature(make_options).parameters.values()
+        parameters = [first, *(item.replace(annotation=OPTIONS[item.name][0]) for item in taken)]
+        call.__signature__ = Signature(parameters, return_annotation="RunResult")  # pyright: ignore[reportAttributeAccessIssue]
+        return call
+
+    return decorate
+
+
+@_take_options(RunOptions)
+def run(specs: Spec | Iterable[Spec], options: RunOptions) -> RunResult:
+    """Run scenarios: traffic, sensors, dataset. What is finished in `output` is not made again.
+
+    Takes the fields of `RunOptions`: `advercity.run(spec, "output", profile="preview")`.
+
+    Raises:
+        InputError: A spec or an option does not fit, before anything is made.
+        AdvercityError: What failed, after all scenarios have ended, as `subprocess.run` does with
+            `check`; `run_batch` returns it.
+    """
+    result = run_batch(specs, options)
+    result.raise_failures()
     return result

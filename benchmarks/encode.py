@@ -21,12 +21,13 @@ import cv2
 from measurement import Measurement, RunTime, format_table, measure_run_time
 
 from advercity.compiler import read_spec
-from advercity.dataset.cloud_files import CloudEncoding, encode_pcd
+from advercity.dataset.cloud_files import encode_pcd
 from advercity.dataset.writer import ScenarioWriter
 from advercity.pipeline.preparation import PreparedScenario, load_or_simulate_traffic
 from advercity.pipeline.scenario import open_background_writer
 from advercity.pipeline.sensing import SensorRig, open_sensors
 from advercity.rendering.backend import RENDER_PROFILES, load_backend
+from advercity.run_options import CloudEncoding
 from advercity.sensors.measurements import PointCloud
 
 SPEC = Path("compiled/ui_fog_day_sparse.json")

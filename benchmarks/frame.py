@@ -82,7 +82,7 @@ def measure_frames(spec: Spec, profile: RenderProfile, frames: int) -> FrameTime
     with tempfile.TemporaryDirectory() as folder, stopwatch.instrument(STAGES):
         options = RunOptions(
             Path(folder),
-            profile=profile.name,
+            profile="full" if profile.renderer == "ray_traced" else "preview",
             scale=profile.scale,
             frames=slice(0, frames + 1),
         )

@@ -22,7 +22,7 @@ from advercity.compiler import read_spec
 from advercity.dataset.manifest import Manifest
 from advercity.dataset.verification import verify_dataset
 from advercity.pipeline import Progress, RunOptions, RunResources, ScenarioResult, run_scenarios
-from advercity.pipeline.options import format_byte_size, format_duration
+from advercity.run_options import format_byte_size, format_duration
 
 MAX_GROWTH_MB = 1.0
 """Largest growth of memory per scenario."""

@@ -21,6 +21,7 @@ from advercity.frames import Actor, ActorState, BodyMotion, Frame, Lamp, Signal
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 from advercity.randomness import create_generator
+from advercity.run_options import DatasetOptions
 from advercity.semantics import Semantic
 from advercity.sensors.annotation import project_boxes
 from advercity.sensors.camera_model import CameraModel
@@ -70,8 +71,7 @@ def identify(spec: Spec, *, format: str = "opv2v", **renderer: str) -> Identity:
         trace_sha256="0" * 64,
         world_sha256="0" * 64,
         renderer=dict(renderer),
-        format=format,
-        clouds="binary",
+        options=DatasetOptions(format=format, clouds="binary"),
     )
 
 

@@ -67,15 +67,10 @@ def test_a_spec_is_loaded_under_another_weather(tmp_path: Path) -> None:
 @pytest.mark.sumo
 def test_a_run_writes_a_dataset_that_opens(spec: advercity.Spec, tmp_path: Path) -> None:
     listener = RecordingListener()
-    result = advercity.run(
-        spec,
-        tmp_path,
-        backend="fake",
-        profile="preview",
-        scale=1.0,
-        frames=slice(0, 2),
-        listener=listener,
+    options = advercity.RunOptions(
+        tmp_path, backend="fake", profile="preview", scale=1.0, frames=slice(0, 2)
     )
+    result = advercity.run_batch(spec, options, listener=listener)
     dataset = result.open_dataset()
     assert isinstance(dataset, Dataset)
     assert [frame.index for frame in dataset] == [0, 1]
@@ -88,11 +83,11 @@ def test_a_run_writes_a_dataset_that_opens(spec: advercity.Spec, tmp_path: Path)
 
 @pytest.mark.sumo
 def test_a_failure_is_raised_or_returned_as_asked(spec: advercity.Spec, tmp_path: Path) -> None:
-    options = {"backend": "fake", "profile": "preview", "scale": 1.0}
     beyond = slice(100_000, 100_001)
     with pytest.raises(InputError, match=spec.id):
-        advercity.run(spec, tmp_path, frames=beyond, **options)  # pyright: ignore
-    result = advercity.run([spec], tmp_path, frames=beyond, check=False, **options)  # pyright: ignore
+        advercity.run(spec, tmp_path, backend="fake", profile="preview", frames=beyond)
+    options = advercity.RunOptions(tmp_path, backend="fake", profile="preview", frames=beyond)
+    result = advercity.run_batch([spec], options)
     assert [one.scenario for one in result.failed] == [spec.id]
     with pytest.raises((InputError, RunError)):
         result.raise_failures()

@@ -24,6 +24,7 @@ ROOMS = (
         "data_folder",
         "output_files",
         "processes",
+        "run_options",
         "texture_packs",
     ),
     ("foreign",),

@@ -10,6 +10,7 @@ from advercity.cli.assets import assets
 from advercity.cli.benchmark import benchmark
 from advercity.cli.cache import cache
 from advercity.cli.importing import imports
+from advercity.cli.library import library
 from advercity.cli.output import exit_with_error, print_data, show_status
 from advercity.errors import InputError, RunError
 
@@ -108,6 +109,7 @@ for panel, part in PANELS.items():
     app.registered_commands += part.registered_commands
 GROUPS = (
     (imports, "Author"),
+    (library, "Author"),
     (benchmark, "Dataset"),
     (assets, "Machine"),
     (cache, "Machine"),

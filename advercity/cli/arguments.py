@@ -1,15 +1,20 @@
 """Arguments and options of several commands, and the values that people write in them."""
 
-import re
+from collections.abc import Callable
+from dataclasses import MISSING, fields
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal, get_origin
 
 import typer
 
-from advercity.errors import InputError
+from advercity.run_options import OPTIONS, Option, RunOptions, parse_frames
 
-LibraryArgument = Annotated[list[Path], typer.Argument(help="Folders of declarations.")]
-DEFAULT_LIBRARIES = [Path("library")]
+LibraryArgument = Annotated[
+    list[Path] | None,
+    typer.Argument(help="Folders of declarations (default: ./library, else the shipped one)."),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 SpecArgument = Annotated[list[Path], typer.Argument(help="Compiled specs (*.json).")]
 DatasetArgument = Annotated[Path, typer.Argument(help="A dataset, or one scenario of it.")]
@@ -21,60 +26,82 @@ LayoutOption = Annotated[
     ),
 ]
 BackendOption = Annotated[str, typer.Option(help="Rendering backend.")]
-AutoBackendOption = Annotated[
-    str,
-    typer.Option(help="Rendering backend; auto is sapien, or mitsuba for full without a GPU."),
-]
-ProfileOption = Annotated[str, typer.Option(help="auto, preview or full.")]
-ScaleOption = Annotated[
-    float | None,
-    typer.Option(
-        help="Fraction of the rig's image width and height, in place of the profile's"
-        " (preview: 0.25, full: 1)."
-    ),
-]
 WeatherLibraryOption = Annotated[
     list[Path] | None,
     typer.Option(
         "--library", help="Folders of the library with the weather (default: the shipped one)."
     ),
 ]
-FramesOption = Annotated[
-    str | None, typer.Option(metavar="A:B[:STEP]", help="Recorded frames to make, B not included.")
-]
-JobsOption = Annotated[
-    int | None,
-    typer.Option(
-        min=1,  # and `MAX_JOBS`, whose module takes too long to load
-        max=1000,
-        help="Processes at a time (default: as many as suit the machine).",
-    ),
-]
-AllowMissedOption = Annotated[
-    bool,
-    typer.Option(
-        "--allow-missed",
-        help="Go on where a staged conflict does not happen as declared, and record it.",
-    ),
-]
-AllowMissingModelsOption = Annotated[
-    bool,
-    typer.Option(
-        "--allow-missing-models", help="Generate bodies in place of models that are not installed."
-    ),
-]
-MapTilesOption = Annotated[
-    bool,
-    typer.Option("--map-tiles", help="Show receivers on a map, with tiles from the Internet."),
-]
-CloudColourOption = Annotated[
-    str,
-    typer.Option(
-        "--cloud-colour",
-        metavar="intensity|class|kind",
-        help="Meaning of the colours of LiDAR points; kind is the source of the return.",
-    ),
-]
+
+
+def name_option(field: str, option: Option) -> str:
+    """Return the flag of an option: `--max-time` for `max_time_s`."""
+    return f"--{option.flag or field.replace('_', '-')}"
+
+
+def describe_option(field: str) -> Any:
+    """Describe a parameter of a command as the field of `RunOptions` of that name."""
+    _, option = OPTIONS[field]
+    return typer.Option(name_option(field, option), metavar=option.metavar, help=option.text)
+
+
+AllowMissedOption = Annotated[bool, describe_option("allow_missed")]
+AllowMissingModelsOption = Annotated[bool, describe_option("allow_missing_models")]
+
+
+def _find_typed_kind(kind: Any, option: Option) -> Any:
+    """Find the type that people write; `RunOptions` checks choices, in the words of the others."""
+    if option.parse is not None:
+        return str | None
+    return str if get_origin(kind) is Literal else kind
+
+
+def take_options(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command options of a run in place of its parameter `options`.
+
+    Args:
+        names: Fields of `RunOptions`; without any, all of them.
+    """
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @wraps(command)
+        def call(**given: Any) -> None:
+            values = {name: given.pop(name) for name in chosen}
+            for name, (_, option) in chosen.items():
+                if option.parse is not None:
+                    text = values.pop(name)
+                    values |= {} if text is None else {name: option.parse(text)}
+            command(options=RunOptions(**values), **given)
+
+        chosen = {name: OPTIONS[name] for name in names or OPTIONS}
+        defaults = {item.name: item.default for item in fields(RunOptions)}
+        parameters: list[Parameter] = []
+        for own in signature(command).parameters.values():
+            if own.name != "options":
+                parameters.append(own.replace(kind=Parameter.KEYWORD_ONLY))
+                continue
+            parameters += [
+                Parameter(
+                    name,
+                    Parameter.KEYWORD_ONLY,
+                    default=None if defaults[name] is MISSING else defaults[name],
+                    annotation=Annotated[_find_typed_kind(kind, option), describe_option(name)],
+                )
+                for name, (kind, option) in chosen.items()
+            ]
+        call.__signature__ = Signature(parameters)  # pyright: ignore[reportAttributeAccessIssue]
+        call.__annotations__ = {item.name: item.annotation for item in parameters}
+        return call
+
+    return decorate
+
+
+def find_libraries(folders: list[Path] | None) -> list[Path]:
+    """Return the folders that are named; else `library` in this folder, or the shipped one."""
+    from advercity.compiler import find_shipped_library
+
+    here = Path("library")
+    return folders or [here if here.is_dir() else find_shipped_library()]
 
 
 def split_names(text: str) -> list[str]:
@@ -84,14 +111,4 @@ def split_names(text: str) -> list[str]:
 
 def parse_frame_slice(text: str | None) -> slice:
     """Parse `A:B[:STEP]`, where A and B may be left out; None is every frame."""
-    from advercity.pipeline.options import check_frames
-
-    if text is None:
-        return slice(None)
-    match = re.fullmatch(r"([0-9]{0,9}):([0-9]{0,9})(?::([0-9]{1,9}))?", text)
-    if match is None:
-        raise InputError(f"--frames {text}: not a range; write A:B or A:B:STEP, as 0:30")
-    first, last, step = (int(part) if part else None for part in match.groups())
-    frames = slice(first, last, step)
-    check_frames(frames)
-    return frames
+    return slice(None) if text is None else parse_frames(text)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from advercity.cli.arguments import DEFAULT_LIBRARIES, LibraryArgument
+from advercity.cli.arguments import LibraryArgument, find_libraries
 from advercity.cli.output import print_data, print_remark
 from advercity.errors import InputError, RunError, report_write_errors
 
@@ -48,7 +48,7 @@ def install(
 
 @assets.command()
 def lock(
-    library: LibraryArgument = DEFAULT_LIBRARIES,
+    library: LibraryArgument = None,
     check: Annotated[
         bool, typer.Option("--check", help="Only compare the locks with the installed models.")
     ] = False,
@@ -62,7 +62,7 @@ def lock(
     from advercity.atomic_files import write_atomically
     from advercity.compiler import load_library
 
-    texts = build_locks(load_library(*library), open_model_store())
+    texts = build_locks(load_library(*find_libraries(library)), open_model_store())
     for path, text in texts.items():
         if path.is_file() and path.read_text(encoding="utf-8") == text:
             continue

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from advercity.cli.arguments import DEFAULT_LIBRARIES, JsonOption, LibraryArgument
+from advercity.cli.arguments import JsonOption, LibraryArgument, find_libraries
 from advercity.cli.output import print_data, print_left_out, print_remark
 from advercity.errors import InputError, RunError
 
@@ -17,7 +17,7 @@ commands = typer.Typer()
 
 @commands.command("compile")
 def compile_(
-    library: LibraryArgument = DEFAULT_LIBRARIES,
+    library: LibraryArgument = None,
     output: Annotated[Path, typer.Option(help="Folder for the specs.", file_okay=False)] = Path(
         "compiled"
     ),
@@ -41,11 +41,12 @@ def compile_(
     if not check:
         check_is_outside_datasets(output)
     settler = _build_settler(attempts) if settle else None
-    specs = compile_library(*library, suite=suite, settler=settler)
+    folders = find_libraries(library)
+    specs = compile_library(*folders, suite=suite, settler=settler)
     if check:
         stale = describe_spec_differences(specs, output)
         if stale:
-            again = " ".join(["advercity compile", *map(str, library)])
+            again = " ".join(["advercity compile", *map(str, folders)])
             raise RunError(*stale, f"run `{again}` to renew them")
         print_remark(f"{len(specs)} specs in {output} are current")
         return
@@ -62,7 +63,7 @@ def _build_settler(max_attempts: int) -> "Settler":
 
 @commands.command()
 def solve(
-    library: LibraryArgument = DEFAULT_LIBRARIES,
+    library: LibraryArgument = None,
     suite: Annotated[str | None, typer.Option(help="Suite of the roads and weathers.")] = None,
     check: Annotated[
         bool, typer.Option("--check", help="Only check the suns found before.")
@@ -76,8 +77,9 @@ def solve(
     from advercity.compiler.crossing import find_suite
     from advercity.pipeline.glare import check_suns, solve_suns
 
-    loaded = load_library(*library)
-    resolved = find_suite(loaded, *library, suite=suite)
+    folders = find_libraries(library)
+    loaded = load_library(*folders)
+    resolved = find_suite(loaded, *folders, suite=suite)
     for line in check_suns(loaded, resolved) if check else solve_suns(loaded, resolved):
         print_data(line)
 
@@ -109,7 +111,9 @@ def list_(
 
 @commands.command()
 def show(
-    path: Annotated[Path, typer.Argument(help="A compiled spec, or a declaration.")],
+    shown: Annotated[
+        Path, typer.Argument(help="A compiled spec, a declaration, or a name in the library.")
+    ],
     map_: Annotated[
         Path | None, typer.Option("--map", metavar="FILE", help="Draw the plan into an image file.")
     ] = None,
@@ -119,9 +123,12 @@ def show(
     from advercity_dsl import Road
 
     from advercity.cli import tables
-    from advercity.compiler import load_declaration, read_spec
+    from advercity.compiler import find_declaration_file, load_declaration, read_spec
     from advercity.pipeline import descriptions
 
+    path = shown
+    if not shown.suffix and not shown.exists():
+        path = find_declaration_file(str(shown), *find_libraries(None))
     spec = read_spec(path) if path.suffix == ".json" else None
     entry = None if spec else load_declaration(path)
     facts = (
@@ -165,7 +172,7 @@ def explain(
     from advercity.compiler import explain_spec, load_library, read_spec
     from advercity.pipeline import descriptions
 
-    origins = explain_spec(read_spec(spec), load_library(*(library or DEFAULT_LIBRARIES)))
+    origins = explain_spec(read_spec(spec), load_library(*find_libraries(library)))
     valid = {field for item in origins for field in item.fields}
     for field in fields or []:
         if field not in valid:

@@ -20,7 +20,7 @@ def show() -> None:
     from advercity.cli.tables import format_columns
     from advercity.pipeline.cache import find_cache_folder
     from advercity.pipeline.cache_entries import describe_cache, find_size_limit
-    from advercity.pipeline.options import format_byte_size
+    from advercity.run_options import format_byte_size
 
     limit = format_byte_size(find_size_limit())
     print_data(f"{find_cache_folder()}, limit {limit} (ADVERCITY_CACHE_SIZE)")
@@ -47,7 +47,7 @@ def prune(
     Entries used in the last hour stay.
     """
     from advercity.pipeline.cache_entries import find_size_limit, prune_cache
-    from advercity.pipeline.options import parse_byte_size
+    from advercity.run_options import parse_byte_size
 
     limit_bytes = find_size_limit() if size is None else parse_byte_size("--size", size)
     print_data(str(prune_cache(limit_bytes)))

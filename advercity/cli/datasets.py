@@ -131,7 +131,7 @@ def export(
     from advercity.dataset.reader import Dataset
     from advercity.exports.exporting import export_dataset
     from advercity.exports.registry import find_export_format
-    from advercity.pipeline.options import format_byte_size
+    from advercity.run_options import format_byte_size
 
     options = {"key_frames": key_frames, "schemas": schemas}
     find_export_format(format).complete_options(options)  # before the dataset is looked for

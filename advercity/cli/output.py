@@ -89,39 +89,21 @@ def print_unread(dataset: "Path", layout: str | None) -> None:
         print_remark(f"{dataset}: left out: {describe_left_out(found)}")
 
 
-OPTION_PARAMETERS = (
-    *(
-        "allow_edited",
-        "allow_large",
-        "allow_missed",
-        "allow_missing_models",
-        "backend",
-        "cloud_colour",
-        "connect",
-    ),
-    *(
-        "executor",
-        "format",
-        "frames",
-        "fresh",
-        "jobs",
-        "key_frames",
-        "kind",
-        "library",
-        "max_memory",
-        "max_time",
-        "output",
-    ),
-    *("profile", "ray_address", "rrd", "scale", "schemas", "stream", "suite", "web"),
-    *("connected", "ego", "from", "map", "name", "offset", "origin", "rig", "schemas", "to"),
-    *("turn", "weather"),
+OTHER_PARAMETERS = (
+    *("connected", "ego", "from", "key_frames", "kind", "library", "map", "name", "offset"),
+    *("origin", "rig", "schemas", "suite", "to", "turn", "weather", "web"),
 )
-_QUOTED_PARAMETER = re.compile(f"`({'|'.join(OPTION_PARAMETERS)})`")
+"""Parameters that are options of commands which are not made from `RunOptions`."""
 
 
 def format_options(text: str) -> str:
-    """Replace parameters that the library quotes, such as `max_time`, by options: --max-time."""
-    return _QUOTED_PARAMETER.sub(lambda match: f"--{match[1].replace('_', '-')}", text)
+    """Replace parameters that the library quotes, such as `max_time_s`, by options: --max-time."""
+    # Imported here, since nothing but a message needs it.
+    from advercity.cli.arguments import OPTIONS, name_option
+
+    flags = {name: f"--{name.replace('_', '-')}" for name in OTHER_PARAMETERS}
+    flags |= {name: name_option(name, option) for name, (_, option) in OPTIONS.items()}
+    return re.sub(f"`({'|'.join(flags)})`", lambda match: flags[match[1]], text)
 
 
 class StderrHandler(logging.Handler):

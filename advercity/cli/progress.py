@@ -11,7 +11,7 @@ from rich import progress as rich_progress
 
 from advercity.cli.output import end_status, format_options, print_remark, stderr_console
 from advercity.pipeline import Progress, ScenarioResult
-from advercity.pipeline.options import format_byte_size, format_duration
+from advercity.run_options import format_byte_size, format_duration
 
 
 class ProgressView:

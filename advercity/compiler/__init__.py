@@ -18,6 +18,7 @@ from advercity.compiler.explain import compare_specs, explain_spec
 from advercity.compiler.library import (
     Library,
     LibraryEntry,
+    find_declaration_file,
     find_weather,
     list_weathers,
     load_declaration,
@@ -38,6 +39,7 @@ __all__ = [
     "compile_suite",
     "describe_spec_differences",
     "explain_spec",
+    "find_declaration_file",
     "find_shipped_library",
     "find_suite",
     "find_weather",

@@ -214,6 +214,22 @@ def load_declaration(path: Path) -> LibraryEntry[Declaration]:
     return _build_entries(name, documents)[0]
 
 
+def find_declaration_file(name: str, *folders: Path) -> Path:
+    """Find the file of a declaration in a library by its name, which is that of its file.
+
+    Raises:
+        InputError: There is none, or there are several of different kinds.
+    """
+    files = [path for folder in folders for path in _list_declaration_files(folder, [])]
+    found = [path for path in files if path.stem == name]
+    if len(found) > 1:
+        raise InputError(f"{name}: name one of the files {', '.join(map(str, found))}")
+    if not found:
+        hint = suggest_name(name, {path.stem for path in files})
+        raise InputError(f"{name}: no such file, and no declaration of that name; {hint}")
+    return found[0]
+
+
 def find_weather(text: str, *folders: Path) -> LibraryEntry[Weather]:
     """Load the weather in the file `text`, or by this name from a library.
 

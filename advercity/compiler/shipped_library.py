@@ -1,10 +1,14 @@
 """The library of advercity, and the examples in it, which you can copy."""
 
+import shutil
 from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
 
 from advercity_dsl.base import suggest_name
+
+from advercity.errors import InputError, report_write_errors
+from advercity.output_files import check_is_outside_scenarios
 
 EXAMPLES_FOLDER = "examples"
 """Folder of declarations to copy from, which is not part of the library around it."""
@@ -15,6 +19,20 @@ def find_shipped_library() -> Path:
     # The checkout first: an editable install can leave a stale copy inside the package.
     folder = Path(__file__).parents[2] / "library"
     return folder if folder.is_dir() else Path(str(files("advercity") / "_library"))
+
+
+def copy_shipped_library(folder: Path) -> Path:
+    """Copy the library that ships into a new folder and return the folder.
+
+    Raises:
+        InputError: The folder exists, or is in a dataset.
+        RunError: It cannot be written.
+    """
+    if folder.exists() or folder.is_symlink():
+        raise InputError(f"{folder}: exists; name a new folder")
+    check_is_outside_scenarios(folder)
+    with report_write_errors():
+        return shutil.copytree(find_shipped_library(), folder)
 
 
 def find_example(kind: str, name: str) -> Path | None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from advercity.dataset.carla_frame import mirror_columns
 from advercity.documents import read_bytes
 from advercity.errors import InputError, RunError, describe_cause
+from advercity.run_options import CloudEncoding
 
 if TYPE_CHECKING:
     from advercity.sensors.measurements import PointCloud
@@ -44,9 +45,6 @@ PCD_POINT = np.dtype(
 """A point as it is in the file, without padding."""
 PCD_RAW_FIELDS = [("raw_x", "<f4"), ("raw_y", "<f4"), ("raw_z", "<f4")]
 """Fields of a LiDAR with motion distortion: the point where the moving sensor measured it."""
-CloudEncoding = Literal["binary", "binary_compressed"]
-"""PCD's names of its encodings: points as they are, or field by field in LZF blocks."""
-CLOUD_ENCODINGS: tuple[CloudEncoding, ...] = ("binary", "binary_compressed")
 MAX_CLOUD_BYTES = 10**9
 """Twenty times the cloud of the densest LiDAR of a spec."""
 MAX_LZF_RATIO = 100
@@ -58,13 +56,6 @@ COLOUR_FIELDS = ("rgb", "rgba")
 XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
 _SIZES = struct.Struct("<II")
 """Sizes before compressed data: compressed, and as they are."""
-
-
-def parse_cloud_encoding(text: str) -> CloudEncoding:
-    """Parse the option `--clouds`; InputError if there is no such encoding."""
-    if text not in CLOUD_ENCODINGS:
-        raise InputError(f"`clouds` {text}: no such encoding; {' or '.join(CLOUD_ENCODINGS)}")
-    return text
 
 
 def encode_pcd(

@@ -13,7 +13,6 @@ from advercity_dsl.sensor_kinds import CORE_KINDS, load_sensor_kinds
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from advercity import __version__
-from advercity.dataset.cloud_files import CloudEncoding
 from advercity.dataset.formats import FORMATS, FrameFileNames
 from advercity.dataset.partial_files import FilePath, FileRecord, read_journals
 from advercity.dataset.scenario_folders import (
@@ -26,6 +25,7 @@ from advercity.dataset.weather_truth import WeatherTruth
 from advercity.digests import compute_rounding_digest, compute_source_digest
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import RunError, describe_cause
+from advercity.run_options import CloudEncoding, DatasetOptions
 
 CODE_PACKAGES = ("advercity", "advercity_dsl")
 """Packages whose sources make the data, whichever backend renders them."""
@@ -118,14 +118,13 @@ class Identity(Model):
         trace_sha256: str,
         world_sha256: str,
         renderer: RendererIdentity,
-        format: str = "opv2v",
+        options: DatasetOptions | None = None,
         missing_models: tuple[str, ...] = (),
         edited: bool = False,
         missed_conflicts: tuple[str, ...] = (),
-        min_points: int = 0,
-        clouds: CloudEncoding = "binary_compressed",
     ) -> "Identity":
         """Identify the data this installation makes from `spec`."""
+        chosen = options or DatasetOptions()
         models = {
             name: digest
             for kind, name, digest in (
@@ -143,15 +142,20 @@ class Identity(Model):
             missing_models=missing_models,
             edited=edited,
             missed_conflicts=missed_conflicts,
-            format=format,
-            min_points=min_points,
-            clouds=clouds,
+            format=chosen.format,
+            min_points=chosen.min_points,
+            clouds=chosen.clouds,
             vector_instructions=find_vector_instructions(),
             rounding_sha256=compute_rounding_digest(),
             code_sha256=compute_source_digest(*CODE_PACKAGES),
             versions={"advercity": __version__}
             | {name: version(name) for name in (*VERSIONED_PACKAGES, *_list_sensor_packages(spec))},
         )
+
+    @property
+    def options(self) -> DatasetOptions:
+        """Options that the data are made with."""
+        return DatasetOptions(format=self.format, min_points=self.min_points, clouds=self.clouds)
 
     def list_differences(self, other: "Identity") -> list[str]:
         """List the differences to `other`, as `name: value here, value there`, shortened."""

@@ -14,7 +14,6 @@ from functools import partial
 from typing import Protocol
 
 from advercity.dataset.bird_view import draw_bird_views
-from advercity.dataset.cloud_files import CloudEncoding
 from advercity.dataset.formats import ADVER_CITY, OPV2V, DatasetFormat
 from advercity.dataset.frame_documents import (
     build_frame_description,
@@ -27,6 +26,7 @@ from advercity.dataset.plain_documents import format_json, format_yaml
 from advercity.dataset.sensor_files import FileOptions, iterate_readings
 from advercity.geometry.arrays import Uint8Array
 from advercity.roads.lane_segments import LaneSegment
+from advercity.run_options import CloudEncoding
 from advercity.sensors.annotation import annotate_actors
 from advercity.sensors.sensor_frame import SensorFrame
 

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.array_files import load_arrays
-from advercity.dataset.cloud_files import CloudEncoding, encode_pcd_table
+from advercity.dataset.cloud_files import encode_pcd_table
 from advercity.errors import InputError, RunError
+from advercity.run_options import CloudEncoding
 from advercity.sensors.measurements import RadarCube, RadarDetections
 
 RADAR_POINT = np.dtype(

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from advercity_dsl import Agent
 
     from advercity.dataset.agent_view import AgentView
-    from advercity.dataset.cloud_files import CloudEncoding
     from advercity.dataset.formats import DatasetFormat
     from advercity.geometry.poses import Matrix
+    from advercity.run_options import CloudEncoding
     from advercity.sensors.sensor_frame import SensorFrame
 
 EncodingJobs = Mapping[str, Callable[[], bytes]]

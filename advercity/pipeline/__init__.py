@@ -1,7 +1,6 @@
 """Runs scenarios: traffic, sensors, dataset and live view, in one process or many."""
 
 from advercity.pipeline.executors import Executor, create_executor, run_batch, run_scenarios
-from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources, ViewerTarget
 from advercity.pipeline.progress import (
     Progress,
     ProgressCallback,
@@ -11,6 +10,7 @@ from advercity.pipeline.progress import (
     raise_failures,
 )
 from advercity.pipeline.scenario import repair_dataset, run_scenario
+from advercity.run_options import ResourceLimits, RunOptions, RunResources, ViewerTarget
 
 __all__ = [
     "Executor",

@@ -24,7 +24,7 @@ from advercity.diagnostics import DiagnosticsError
 from advercity.documents import read_bytes
 from advercity.errors import RunError, describe_cause
 from advercity.pipeline.cache import find_cache_folder
-from advercity.pipeline.options import format_byte_size, parse_byte_size
+from advercity.run_options import format_byte_size, parse_byte_size
 
 _logger = logging.getLogger(__name__)
 T = TypeVar("T")

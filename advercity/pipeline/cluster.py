@@ -24,10 +24,10 @@ from advercity.dataset.scenario_folders import MANIFEST_FILE
 from advercity.dataset.store import LEASE_TIMEOUT_S, DatasetLease, DatasetStore
 from advercity.errors import AdvercityError, InputError, RunError
 from advercity.pipeline.executors import run_scenarios
-from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources
 from advercity.pipeline.preparation import prepare_scenario
 from advercity.pipeline.progress import Progress, RunListener, ScenarioResult
 from advercity.pipeline.workers import TERMINATION_TIMEOUT_S
+from advercity.run_options import ResourceLimits, RunOptions, RunResources
 
 FRAMES_PER_TASK = 50
 CONNECT_TIMEOUT_S = 5.0

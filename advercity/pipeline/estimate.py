@@ -27,22 +27,22 @@ from advercity.pipeline.machine import (
     free_memory_bytes,
     total_memory_bytes,
 )
-from advercity.pipeline.options import (
-    ResourceLimits,
-    RunOptions,
-    RunResources,
-    check_jobs,
-    format_byte_size,
-    format_duration,
-)
 from advercity.pipeline.preparation import (
     load_cached_trace,
     load_or_simulate_traffic,
+    resolve_backend,
     resolve_profile,
 )
 from advercity.pipeline.run_records import FrameWork, RunRecord, load_records
 from advercity.pipeline.workers import MIN_FRAMES_PER_WORKER
 from advercity.rendering.backend import RENDER_PROFILES, RenderProfile, load_backend
+from advercity.run_options import (
+    ResourceLimits,
+    RunOptions,
+    RunResources,
+    format_byte_size,
+    format_duration,
+)
 
 MAX_TOTAL_BYTES = 10**12
 MAX_TOTAL_S = 30 * 86_400
@@ -250,14 +250,13 @@ def _compute_most_bytes(free_bytes: float) -> float:
 
 
 def estimate_run(
-    specs: Sequence[Spec], options: RunOptions, *, jobs: int | None = None, simulate: bool = True
+    specs: Sequence[Spec], options: RunOptions, *, simulate: bool = True
 ) -> RunEstimate:
     """Estimate what running specs will take.
 
     Args:
         specs: Scenarios to run.
         options: How to run them; frames that exist in the output are left out.
-        jobs: Worker processes at a time; None is as many as suit the machine.
         simulate: Simulate traffic that is not in the cache, unless there is very much of it;
             else the number of frames is an upper bound.
 
@@ -265,9 +264,9 @@ def estimate_run(
         InputError: An option does not fit.
         RunError: The traffic simulation fails.
     """
-    check_jobs(jobs)
+    options = resolve_backend(options)
     if simulate:
-        _simulate_missing_traffic(specs, jobs or count_usable_cores())
+        _simulate_missing_traffic(specs, options.jobs or count_usable_cores())
     profile = resolve_requested_profile(options)
     records = load_records(
         backend=options.backend, renderer=profile.renderer, format=options.format
@@ -278,7 +277,7 @@ def estimate_run(
         _estimate_scenario(spec, options, work, rate)
         for spec, work, rate in zip(specs, works, rates, strict=True)
     )
-    worker_count = jobs or choose_worker_count(estimates)
+    worker_count = options.jobs or choose_worker_count(estimates)
     return RunEstimate(estimates, worker_count, _choose_limits(estimates, works, profile))
 
 
@@ -323,26 +322,18 @@ def choose_worker_count(estimates: Sequence[ScenarioEstimate]) -> int:
     return max(1, min(count_usable_cores(), useful, fitting))
 
 
-def check_resources(
-    specs: Sequence[Spec],
-    options: RunOptions,
-    *,
-    requested_limits: ResourceLimits,
-    jobs: int | None,
-    allow_large: bool,
-    is_local: bool,
-) -> RunResources:
+def check_resources(specs: Sequence[Spec], options: RunOptions, *, is_local: bool) -> RunResources:
     """Choose the resources of a run; what was not requested comes from the estimate.
 
     Raises:
         InputError: The run would take more than is allowed; the text says what and how to go on.
     """
-    estimate = estimate_run(specs, options, jobs=jobs, simulate=False)
-    output = options.output if is_local else None
-    if not allow_large and estimate.describe_excess(output) and not estimate.total.is_exact:
+    estimate = estimate_run(specs, options, simulate=False)
+    output = options.folder if is_local else None
+    if not options.allow_large and estimate.describe_excess(output) and not estimate.total.is_exact:
         # Upper bounds exceed; simulated traffic gives the true number of frames.
-        estimate = estimate_run(specs, options, jobs=jobs, simulate=True)
-    found = [] if allow_large else estimate.describe_excess(output)
+        estimate = estimate_run(specs, options, simulate=True)
+    found = [] if options.allow_large else estimate.describe_excess(output)
     if found:
         fitting = estimate.count_fitting_frames(output)
         is_shorter = 0 < fitting < max(item.frames for item in estimate.estimates)
@@ -353,8 +344,8 @@ def check_resources(
             " `advercity estimate` shows more"
         )
     limits = ResourceLimits(
-        memory_bytes=requested_limits.memory_bytes or estimate.limits.memory_bytes,
-        time_s=requested_limits.time_s or estimate.limits.time_s,
+        memory_bytes=options.max_memory_bytes or estimate.limits.memory_bytes,
+        time_s=options.max_time_s or estimate.limits.time_s,
     )
     return RunResources(estimate.jobs, limits)
 
@@ -401,7 +392,7 @@ def _estimate_scenario(
 def _find_existing_frames(spec: Spec, options: RunOptions) -> set[int]:
     if not options.fresh:
         with suppress(AdvercityError):  # the run itself reports what is wrong with them
-            return set(Manifest.load(options.output / spec.id).frames)
+            return set(Manifest.load(options.folder / spec.id).frames)
     return set()
 
 

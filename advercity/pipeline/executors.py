@@ -9,16 +9,17 @@ from typing import Protocol
 from advercity_dsl import Spec
 
 from advercity.compiler.crossing import check_not_edited
+from advercity.dataset.formats import find_format
 from advercity.dataset.partial_files import refuse_other_run
 from advercity.errors import InputError
 from advercity.pipeline.estimate import check_resources, resolve_requested_profile
-from advercity.pipeline.options import ResourceLimits, RunOptions, RunResources, ViewerTarget
 from advercity.pipeline.output_folder import check_output_folder
 from advercity.pipeline.preparation import AUTOMATIC_BACKEND, resolve_backend
 from advercity.pipeline.progress import RunListener, ScenarioResult, SilentListener
 from advercity.pipeline.spec_models import check_models
 from advercity.pipeline.workers import WorkerPool
 from advercity.rendering.backend import load_backend
+from advercity.run_options import RunOptions, RunResources, ViewerTarget
 
 _logger = logging.getLogger(__name__)
 
@@ -38,24 +39,18 @@ class Executor(Protocol):
         ...
 
 
-def create_executor(name: str, *, output: str, address: str | None = None) -> Executor | None:
-    """Create the executor of that name; None for `local`, which is this machine itself.
-
-    Args:
-        name: `local` or `ray`.
-        output: Folder of the dataset; for Ray also the URL of a store.
-        address: Address of a Ray cluster; None starts one on this machine alone.
+def create_executor(options: RunOptions) -> Executor | None:
+    """Create the executor that is asked for; None for `local`, which is this machine itself.
 
     Raises:
-        InputError: The executor does not exist, or the other options do not fit it.
+        InputError: Other options do not fit it.
     """
-    if name == "ray":
+    output = str(options.output)
+    if options.executor == "ray":
         from advercity.pipeline.cluster import RayExecutor, resolve_output
 
-        return RayExecutor(resolve_output(output), address)
-    if name != "local":
-        raise InputError(f"`executor` {name}: no such executor; local or ray")
-    if address is not None:
+        return RayExecutor(resolve_output(output), options.ray_address)
+    if options.ray_address is not None:
         raise InputError("`ray_address` goes with `executor` ray")
     if "://" in output:
         raise InputError(f"`output` {output}: a store needs `executor` ray")
@@ -66,10 +61,6 @@ def run_batch(
     specs: Sequence[Spec],
     options: RunOptions,
     *,
-    jobs: int | None = None,
-    limits: ResourceLimits | None = None,
-    allow_large: bool = False,
-    executor: Executor | None = None,
     listener: RunListener | None = None,
 ) -> list[ScenarioResult]:
     """Check scenarios, estimate what they take, and run them; how each ended, in their order.
@@ -79,10 +70,6 @@ def run_batch(
     Args:
         specs: Scenarios to run, all with different ids.
         options: How to run them.
-        jobs: Worker processes at a time; None is as many as suit the machine.
-        limits: Limits for each scenario; what is None comes from the estimate.
-        allow_large: Run even what would fill the disk or take more than 30 days.
-        executor: Where to run; None is this machine.
         listener: Receives progress and results.
 
     Raises:
@@ -91,25 +78,19 @@ def run_batch(
         RunError: Another run is writing one of the scenarios.
         BackendError: The backend is not installed, or cannot render the profile.
     """
+    executor = create_executor(options)
     # Machines of a cluster may have other devices than this one.
     options = resolve_backend(options) if executor is None else _without_automatic(options)
     validate_batch(specs, options)
     if executor is None:  # before what takes seconds
-        refuse_other_run(options.output, [spec.id for spec in specs])
+        refuse_other_run(options.folder, [spec.id for spec in specs])
     if not options.allow_edited:
         for spec in specs:
             check_not_edited(spec, spec.id)
     if executor is None:  # the machines of a cluster check for themselves
         check_models(specs, allow_missing=options.allow_missing_models)
         _announce_profile(options)
-    resources = check_resources(
-        specs,
-        options,
-        requested_limits=limits or ResourceLimits(),
-        jobs=jobs,
-        allow_large=allow_large,
-        is_local=executor is None,
-    )
+    resources = check_resources(specs, options, is_local=executor is None)
     run = run_scenarios if executor is None else executor.run
     return run(specs, options, resources=resources, listener=listener or SilentListener())
 
@@ -143,7 +124,8 @@ def validate_batch(specs: Sequence[Spec], options: RunOptions) -> None:
         raise InputError("`rrd`, `stream` and `connect` show one scenario; run them one by one")
     _check_viewer(options.viewer)
     load_backend(options.backend)
-    check_output_folder(options.output)
+    find_format(options.format)
+    check_output_folder(options.folder)
 
 
 def _check_viewer(viewer: ViewerTarget) -> None:
@@ -180,5 +162,6 @@ def run_scenarios(
     Raises:
         InputError: The output is a file.
     """
+    options = resolve_backend(options)
     pool = WorkerPool(specs, options, resources or RunResources(), listener or SilentListener())
     return pool.run()

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from advercity_dsl import Spec
 
 from advercity.errors import AdvercityError
-from advercity.pipeline.options import RunOptions
 from advercity.pipeline.progress import Progress
+from advercity.run_options import RunOptions
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ runs `netconvert`, simulates the traffic in SUMO (seconds to minutes) and builds
 """
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -16,7 +16,6 @@ from advercity.assets.driver_side import seat_driver_on_right
 from advercity.assets.model_store import open_model_store
 from advercity.compiler.assembly import is_edited
 from advercity.conflicts.outcome import evaluate_outcomes
-from advercity.dataset.cloud_files import CloudEncoding
 from advercity.dataset.manifest import Identity, RendererIdentity
 from advercity.digests import compute_json_digest, compute_source_digest
 from advercity.documents import read_text
@@ -29,7 +28,6 @@ from advercity.pipeline.cache import (
     compute_world_key,
 )
 from advercity.pipeline.cache_entries import load_entry, load_or_build_entry, read_checksum
-from advercity.pipeline.options import RunOptions, format_frames
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.pipeline.spec_models import check_models, find_missing_models, replace_models
 from advercity.pipeline.surface_maps import SurfaceMaps
@@ -42,6 +40,7 @@ from advercity.rendering.backend import (
 )
 from advercity.roads.plan_frame import to_plan_frame
 from advercity.roads.sumo_network import write_sumo_network
+from advercity.run_options import DatasetOptions, RunOptions, format_frames
 from advercity.scene.build import build_world
 from advercity.scene.world_storage import load_body, load_world, save_body, save_world
 from advercity.sensors.agent_poses import AgentPoses
@@ -172,12 +171,10 @@ class PreparedScenario:
         backend: Renders the frames.
         profile: Renderer and image scale.
         frames: Frames that are asked for.
-        format: Dataset layout.
+        options: What else decides the dataset.
         missing_models: What is generated in place of the spec's models and photographs.
         edited: Whether the spec was edited after it was compiled.
         missed_conflicts: Staged conflicts that do not happen as declared, and why.
-        min_points: Points that an actor must return to be annotated.
-        clouds: Encoding of point clouds.
     """
 
     spec: Spec
@@ -185,12 +182,10 @@ class PreparedScenario:
     backend: Backend
     profile: RenderProfile
     frames: range
-    format: str = "opv2v"
+    options: DatasetOptions = field(default_factory=DatasetOptions)
     missing_models: tuple[str, ...] = ()
     edited: bool = False
     missed_conflicts: tuple[str, ...] = ()
-    min_points: int = 0
-    clouds: CloudEncoding = "binary_compressed"
 
     @property
     def frame_count(self) -> int:
@@ -210,12 +205,10 @@ class PreparedScenario:
             trace_sha256=self.traffic.trace_sha256,
             world_sha256=self._world[1],
             renderer=_describe_renderer(self.backend, self.profile),
-            format=self.format,
+            options=self.options,
             missing_models=self.missing_models,
             edited=self.edited,
             missed_conflicts=self.missed_conflicts,
-            min_points=self.min_points,
-            clouds=self.clouds,
         )
 
     def load_world(self) -> World:
@@ -247,6 +240,7 @@ def prepare_scenario(
         BackendError: The backend cannot render the profile.
         RunError: The traffic simulation fails, or a staged conflict does not happen.
     """
+    options = resolve_backend(options)
     backend = load_backend(options.backend)
     profile = resolve_profile(options, backend.capabilities())
     missing_models = find_missing_models(spec)
@@ -274,12 +268,10 @@ def prepare_scenario(
         backend,
         profile,
         frames,
+        options,
         missing_models=missing_models,
         edited=is_edited(spec),
         missed_conflicts=missed,
-        format=options.format,
-        min_points=options.min_points,
-        clouds=options.clouds,
     )
 
 

@@ -19,12 +19,11 @@ from advercity.errors import InputError, RunError
 from advercity.frames import ActorState, Frame, Trace
 from advercity.geometry.boxes import Box
 from advercity.geometry.poses import invert_pose
-from advercity.pipeline.options import ViewerTarget
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.roads.road_network import build_road
+from advercity.run_options import CloudColour, ViewerTarget
 from advercity.sensors.agent_poses import AgentPoses
 from advercity.sensors.sensor_frame import SensorFrame
-from advercity.viewer.cloud_colours import CloudColour
 
 if TYPE_CHECKING:
     from advercity.viewer.recording import RerunRecording

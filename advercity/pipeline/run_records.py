@@ -21,8 +21,8 @@ from advercity.documents import MAX_YAML_BYTES, parse_json, read_bytes, read_tex
 from advercity.errors import AdvercityError, InputError
 from advercity.pipeline.cache import find_cache_folder
 from advercity.pipeline.machine import count_usable_cores
-from advercity.pipeline.options import RunOptions
 from advercity.pipeline.progress import ScenarioResult
+from advercity.run_options import RunOptions
 from advercity.sensors.camera_model import CameraModel
 
 RECORDS_FILE = "runs.jsonl"
@@ -116,7 +116,7 @@ def record_run(spec: Spec, options: RunOptions, result: ScenarioResult, worker_c
     if result.error is not None or result.frame_s is None:
         return
     with suppress(AdvercityError, OSError, ValidationError):
-        manifest = Manifest.load(options.output / spec.id)
+        manifest = Manifest.load(options.folder / spec.id)
         renderer = manifest.identity.renderer
         work = FrameWork.from_spec(spec, float(renderer["scale"]))
         record = RunRecord(

@@ -32,7 +32,6 @@ from advercity.dataset.verification import (
 )
 from advercity.dataset.writer import FrameWriter, ScenarioWriter
 from advercity.errors import RunError
-from advercity.pipeline.options import MAX_SCALE, MIN_SCALE, RunOptions, ViewerTarget
 from advercity.pipeline.preparation import (
     PreparedScenario,
     load_or_simulate_traffic,
@@ -43,6 +42,7 @@ from advercity.pipeline.replay import load_sensor_frames, open_recording
 from advercity.pipeline.sensing import open_sensors
 from advercity.pipeline.spec_models import check_models, replace_models
 from advercity.rendering.backend import RenderProfile, load_backend
+from advercity.run_options import MAX_SCALE, MIN_SCALE, RunOptions, ViewerTarget
 from advercity.sensors.sensor_frame import SensorFrame
 
 if TYPE_CHECKING:
@@ -106,10 +106,10 @@ def run_scenario(
         RunError: Something failed; finished frames stay, and the same call resumes.
     """
     # Before the traffic, which may take minutes: another run is refused at once.
-    with lock_scenario(options.output / spec.id):
+    with lock_scenario(options.folder / spec.id):
         prepared = prepare_scenario(spec, options, report)
     writer = ScenarioWriter(
-        options.output, spec, prepared.identity, length=prepared.frame_count, fresh=options.fresh
+        options.folder, spec, prepared.identity, length=prepared.frame_count, fresh=options.fresh
     )
     # The viewer first: if it cannot be opened, nothing of the dataset has been touched.
     with _open_recording(prepared, options.viewer) as recording, writer:
@@ -143,7 +143,7 @@ def join_scenario(
     Raises:
         RunError: Something failed, or this process would write other bytes.
     """
-    prepared, scenario = prepare_scenario(spec, options), options.output / spec.id
+    prepared, scenario = prepare_scenario(spec, options), options.folder / spec.id
     with lock_file(find_staging_folder(scenario) / "lock", shared=True):
         begun = Manifest.load(scenario)
         differences = begun.identity.list_differences(prepared.identity)
@@ -278,12 +278,10 @@ def _repair_scenario(
         backend,
         profile,
         frames=range(manifest.length),
-        format=manifest.identity.format,
+        options=manifest.identity.options,
         missing_models=manifest.identity.missing_models,
         edited=manifest.identity.edited,
         missed_conflicts=manifest.identity.missed_conflicts,
-        min_points=manifest.identity.min_points,
-        clouds=manifest.identity.clouds,
     )
     differences = manifest.identity.list_differences(prepared.identity)
     if manifest.length != prepared.frame_count:

@@ -38,7 +38,7 @@ class SensorRig:
 
     def __init__(self, prepared: PreparedScenario, renderer: Renderer, world: World) -> None:
         spec, self._poses = prepared.spec, prepared.poses
-        self._min_points = prepared.min_points
+        self._options = prepared.options
         self._stage = Stage(
             prepared.poses, world, renderer, prepared.profile, prepared.backend.name
         )
@@ -81,13 +81,13 @@ class SensorRig:
             found = [driver.measure(agent, number) for number in numbers]
             readings[name] = tuple(one for one in found if one is not None)
         estimates = (driver.estimate_pose(agent) for driver in self._drivers.values())
-        return self._poses.build_sensor_frame(
+        found = self._poses.build_sensor_frame(
             agent,
             self._stage.frame,
             readings,
             estimated_world_from_agent=next((one for one in estimates if one is not None), None),
-            min_points=self._min_points,
         )
+        return replace(found, min_points=self._options.min_points)
 
     def _send_messages(self, sensor_frames: Sequence[SensorFrame]) -> tuple[SensorFrame, ...]:
         """Add what every agent sends, if the scenario has a channel."""

@@ -41,16 +41,16 @@ from advercity.pipeline.messages import (
     WorkerMessage,
     WorkerTask,
 )
-from advercity.pipeline.options import (
+from advercity.pipeline.progress import Progress, RunListener, ScenarioResult, SilentListener
+from advercity.pipeline.run_records import record_run
+from advercity.processes import describe_end
+from advercity.run_options import (
     ResourceLimits,
     RunOptions,
     RunResources,
     format_byte_size,
     format_duration,
 )
-from advercity.pipeline.progress import Progress, RunListener, ScenarioResult, SilentListener
-from advercity.pipeline.run_records import record_run
-from advercity.processes import describe_end
 
 POLL_INTERVAL_S = 0.25
 TERMINATION_TIMEOUT_S, JOINER_TERMINATION_TIMEOUT_S = 10.0, 4.0
@@ -86,8 +86,8 @@ class WorkerPool:
         self._worker_count = resources.worker_count
         self._cores_per_worker = count_usable_cores() // resources.worker_count
         self._free_slots = list(reversed(range(resources.worker_count)))
-        self._is_new_output = not options.output.exists()
-        self._index = IndexWriter(options.output, specs)
+        self._is_new_output = not options.folder.exists()
+        self._index = IndexWriter(options.folder, specs)
         self._waiting = deque(specs)
         self._running: list[_PooledScenario] = []
         self._results: dict[str, ScenarioResult] = {}
@@ -177,7 +177,7 @@ class WorkerPool:
         """Delete the folder of the dataset if workers have created it and left it empty."""
         if self._is_new_output:
             with suppress(OSError):  # not empty, or not there
-                self._options.output.rmdir()
+                self._options.folder.rmdir()
 
     def _record_start(self, run: "_PooledScenario") -> None:
         try:

@@ -90,7 +90,6 @@ class AgentPoses:
         readings: Mapping[str, Sequence[Any]],
         *,
         estimated_world_from_agent: Matrix | None = None,
-        min_points: int = 0,
     ) -> SensorFrame:
         """Add pose and planned path of an agent to what its sensors measured.
 
@@ -99,7 +98,6 @@ class AgentPoses:
             frame: Recorded frame, as `load_frame` returns it.
             readings: What they measured, by the names of their kinds and their numbers.
             estimated_world_from_agent: (4, 4), its own estimate; None is the true pose.
-            min_points: Points that an actor must return to be annotated.
         """
         world_from_agent = self.world_from_agent(agent, frame.index)
         is_unit = isinstance(agent.place, RoadsideUnit)
@@ -113,7 +111,6 @@ class AgentPoses:
                 else estimated_world_from_agent
             ),
             readings=readings,
-            min_points=min_points,
             planned_trajectory=() if is_unit else self._load_planned_path(agent, frame.index),
             conflict_roles=self._roles,
             weather=(self.timeline.weather_at(frame.index) if self.timeline.is_changing else None),

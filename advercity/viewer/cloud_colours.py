@@ -1,18 +1,12 @@
 """Colours of LiDAR points: by intensity, by class, or by kind of return."""
 
-from typing import Literal, get_args
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.errors import InputError
+from advercity.run_options import CloudColour
 from advercity.semantics import PALETTE
 from advercity.sensors.measurements import PointCloud, PointKind
-
-CloudColour = Literal["intensity", "class", "kind"]
-
-CLOUD_COLOURS: tuple[CloudColour, ...] = get_args(CloudColour)
 
 KIND_COLOURS = {
     PointKind.SURFACE: (150, 150, 150),
@@ -27,14 +21,6 @@ KIND_COLOURS = {
     PointKind.STRAY: (255, 140, 60),
 }
 _KIND_COLOUR_TABLE = np.array([KIND_COLOURS[kind] for kind in PointKind], np.uint8)
-
-
-def parse_cloud_colour(text: str) -> CloudColour:
-    """Parse the option `--cloud-colour`; InputError if there is no such colouring."""
-    if text not in CLOUD_COLOURS:
-        choices = f"{', '.join(CLOUD_COLOURS[:-1])} or {CLOUD_COLOURS[-1]}"
-        raise InputError(f"`cloud_colour` {text}: no such colouring; {choices}")
-    return text
 
 
 def colour_points(cloud: PointCloud, cloud_colour: CloudColour) -> NDArray[np.uint8]:

@@ -24,6 +24,7 @@ from advercity.output_files import check_output, open_output
 from advercity.physics.atmosphere import LandUse
 from advercity.physics.timeline import WeatherTimeline
 from advercity.roads.lane_segments import LaneSegment
+from advercity.run_options import CloudColour
 from advercity.sensors.annotation import annotate_actors
 from advercity.sensors.sensor_frame import SensorFrame
 from advercity.viewer import archetypes, blueprint
@@ -34,7 +35,6 @@ from advercity.viewer.archetypes import (
     TileMap,
     choose_agent_colour,
 )
-from advercity.viewer.cloud_colours import CloudColour
 from advercity.viewer.private_page import LOOPBACK_ADDRESS
 from advercity.viewer.shown import Curve, Place, Points, Shown
 from advercity.viewer.viewer_process import DEFAULT_PORT, check_port

@@ -3,9 +3,10 @@
 import numpy as np
 
 from advercity.dataset.image_codec import to_semantic_colours
+from advercity.run_options import CloudColour
 from advercity.sensors.measurements import PointKind
 from advercity.sensors.sensor_frame import SensorFrame
-from advercity.viewer.cloud_colours import CloudColour, colour_points
+from advercity.viewer.cloud_colours import colour_points
 from advercity.viewer.radar_pictures import colour_velocities, draw_range_azimuth
 from advercity.viewer.shown import Curve, Picture, Place, Points, Shown
 from advercity.viewer.thermal_pictures import draw_thermal

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 
 from advercity.geometry.arrays import Float64Array, Uint8Array
 from advercity.geometry.poses import Matrix
+from advercity.run_options import CloudColour
 from advercity.sensors.camera_model import CameraModel
 from advercity.sensors.sensor_frame import SensorFrame
-from advercity.viewer.cloud_colours import CloudColour
 
 
 @dataclass(frozen=True, eq=False)

@@ -130,7 +130,7 @@ def test_a_scenario_is_not_continued_with_other_images_of_a_model(
         "assets": {"model/seat_leon": store.compute_model_digest(boxed)},
     }
     spec = with_digest(compiled.model_copy(update=models))
-    options = RunOptions(tmp_path / "output", "fake", "preview", frames=slice(0, 1))
+    options = RunOptions(tmp_path / "output", backend="fake", profile="preview", frames=slice(0, 1))
     run_scenario(spec, options)
     path = store.prepare_model(boxed)
     assert path is not None

@@ -293,3 +293,35 @@ def test_a_mistake_in_a_file_is_shown_with_its_line(advercity: Command, tmp_path
         "    4 | rain: {rate_mm_h: 400 mm/h}",
         "      |                   ^^^^^^^^",
     ]
+
+
+def test_without_a_library_here_the_shipped_one_is_compiled(
+    advercity: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ran = advercity("compile", "--output", "specs")
+    assert (ran.code, len(list(Path("specs").glob("*.json")))) == (0, 110)
+    assert advercity("library", "copy", "mine").out.strip() == "mine"
+    assert advercity("validate", "mine").code == 0
+    again = advercity("library", "copy", "mine")
+    assert (again.code, again.err) == (2, "error: mine: exists; name a new folder\n")
+    (tmp_path / "library").mkdir()
+    assert "library: no declarations" in advercity("compile").err, "it comes first"
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "told"),
+    [
+        ("ui", 0, "far_west_road"),
+        ("fog_day", 0, "75 m"),
+        ("fog_dya", 2, "did you mean 'fog_day'?"),
+        ("adver_city", 2, "name one of the files"),
+        ("none.yaml", 2, "none.yaml: file not found"),
+    ],
+)
+def test_show_finds_declarations_by_name(
+    name: str, code: int, told: str, advercity: Command
+) -> None:
+    ran = advercity("show", name)
+    assert ran.code == code
+    assert told in ran.out + ran.err

@@ -10,7 +10,7 @@ from advercity.compiler.recorded_roads import (
     write_recorded_road,
 )
 from advercity.pipeline import run_scenario
-from advercity.pipeline.options import RunOptions
+from advercity.run_options import RunOptions
 from tests.recordings.recorded_files import write_ind, write_street
 
 FIRST_FRAME, FRAMES = 10, 3
@@ -26,6 +26,8 @@ def recorded_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recording = load_recorded_table(write_ind(folder))
     (spec,) = write_recorded_road(recording, write_street(folder), choice, folder / "hill")
     frames = slice(FIRST_FRAME, FIRST_FRAME + FRAMES)
-    options = RunOptions(folder / "data", "fake", "preview", scale=0.05, frames=frames)
+    options = RunOptions(
+        folder / "data", backend="fake", profile="preview", scale=0.05, frames=frames
+    )
     run_scenario(spec, options)
     return folder / "data"

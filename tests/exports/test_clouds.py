@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from advercity.dataset.cloud_files import PCD_POINT, CloudEncoding, encode_pcd_table
+from advercity.dataset.cloud_files import PCD_POINT, encode_pcd_table
+from advercity.run_options import CloudEncoding
 from tests.exports.readers import PYTHON, needs_readers, run_reader
 
 pytestmark = [

@@ -20,7 +20,7 @@ from advercity.dataset.reader import Scenario
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError
 from advercity.geometry import poses
-from advercity.pipeline import RunOptions, ViewerTarget, repair_dataset, run_scenario
+from advercity.pipeline import RunOptions, repair_dataset, run_scenario
 from advercity.pipeline.replay import write_recording
 from advercity.testing import with_small_sensors
 from tests.builders import write_small_library
@@ -83,7 +83,7 @@ def dataset(spec: Spec, tmp_path_factory: pytest.TempPathFactory) -> Path:
         profile="preview",
         scale=0.2,
         frames=slice(0, 2),
-        viewer=ViewerTarget(file=root / "live.rrd"),
+        rrd=root / "live.rrd",
     )
     run_scenario(spec, options)
     return root / spec.id

@@ -52,7 +52,7 @@ def few(specs: dict[str, Spec]) -> list[Spec]:
 def options() -> Callable[[Path], RunOptions]:
     """Options that run one frame into a folder, with the `stunts` backend."""
     return lambda output: RunOptions(
-        output=output, backend="stunts", profile="preview", scale=1.0, frames=slice(0, 1)
+        output, backend="stunts", profile="preview", scale=1.0, frames=slice(0, 1), jobs=1
     )
 
 

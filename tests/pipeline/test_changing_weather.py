@@ -27,7 +27,7 @@ def spec(library: Path) -> Spec:
 
 
 def run(spec: Spec, output: Path, frames: slice) -> Path:
-    return run_scenario(spec, RunOptions(output, "fake", "preview", frames=frames))
+    return run_scenario(spec, RunOptions(output, backend="fake", profile="preview", frames=frames))
 
 
 def test_every_order_of_frames_gives_the_same_files(spec: Spec, tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from advercity.pipeline import (
     raise_failures,
     run_scenarios,
 )
+from advercity.run_options import ExecutorName
 from advercity.testing import RecordingListener
 from tests.requirements import require
 
@@ -131,16 +132,15 @@ def test_a_store_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "output", "address", "message"),
     [
-        ("slurm", "out", None, "no such executor; local or ray"),
         ("local", "out", "auto", "`ray_address` goes with `executor` ray"),
         ("local", "s3://bucket/out", None, "a store needs `executor` ray"),
     ],
 )
 def test_an_executor_that_does_not_fit_is_bad_input(
-    name: str, output: str, address: str | None, message: str
+    name: ExecutorName, output: str, address: str | None, message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
-        create_executor(name, output=output, address=address)
+        create_executor(RunOptions(output, executor=name, ray_address=address))
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:{port}", "ray://127.0.0.1:{port}"])
@@ -150,7 +150,7 @@ def test_a_cluster_that_does_not_answer_is_one_message_at_once(
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         url = address.format(port=unused.getsockname()[1])
-    executor = create_executor("ray", output=str(tmp_path / "output"), address=url)
+    executor = create_executor(RunOptions(tmp_path / "output", executor="ray", ray_address=url))
     assert executor is not None
     with pytest.raises(RunError) as told:
         executor.run(

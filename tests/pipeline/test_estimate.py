@@ -17,7 +17,6 @@ from advercity.dataset.reader import Scenario
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError
 from advercity.pipeline import (
-    ResourceLimits,
     RunOptions,
     RunResources,
     raise_failures,
@@ -50,21 +49,8 @@ def larger(spec: Spec, camera: dict[str, int], lidar: dict[str, int]) -> Spec:
     return with_digest(Spec.model_validate(data))
 
 
-def ask(
-    spec: Spec,
-    options: RunOptions,
-    *,
-    asked: ResourceLimits | None = None,
-    allow_large: bool = False,
-) -> RunResources:
-    return check_resources(
-        [spec],
-        options,
-        requested_limits=asked or ResourceLimits(),
-        jobs=1,
-        allow_large=allow_large,
-        is_local=True,
-    )
+def ask(spec: Spec, options: RunOptions, **changes: Any) -> RunResources:
+    return check_resources([spec], replace(options, jobs=1, **changes), is_local=True)
 
 
 def four_cores(process: int) -> set[int]:
@@ -91,7 +77,7 @@ def test_images_of_rolling_shutters_take_the_time_of_their_bands(
     known = record(pixels=work.pixels, beams=work.beams)
     rates = estimate_rates(work, [known])
     assert (rates.frame_s, rates.frame_bytes) == (2 * known.frame_s, known.frame_bytes)
-    estimate = estimate_run([rolling], options(tmp_path), jobs=1, simulate=False).estimates[0]
+    estimate = estimate_run([rolling], options(tmp_path), simulate=False).estimates[0]
     assert str(estimate.to_row()["images"]).endswith("(rendered 2 times)")
 
 
@@ -124,7 +110,7 @@ def test_records_of_runs_are_limited_in_number_and_other_lines_stay(
     with ScenarioWriter(tmp_path / "data", spec, identity, length=1) as writer:
         writer.write_frame(0, sensor_frames_of(0))
         writer.finish()
-    options = RunOptions(tmp_path / "data", backend="b")
+    options = RunOptions(tmp_path / "data", jobs=1, backend="b")
     result = ScenarioResult(spec.id, None, 1, 1, 1.0, 1000, frame_s=7.0)
     monkeypatch.setattr(run_records, "MAX_RECORDS", 2)
     lines = [record(frame_s=number).model_dump_json() for number in (1.0, 2.0)]
@@ -151,10 +137,12 @@ def test_an_estimate_is_within_a_factor_of_two_of_what_comes_out(
     specs: dict[str, Spec], records: Path, tmp_path: Path
 ) -> None:
     """Recorded in fog, estimated for a clear night."""
-    options = RunOptions(tmp_path / "fog", profile="preview", scale=0.05, frames=slice(0, 3))
+    options = RunOptions(
+        tmp_path / "fog", jobs=1, profile="preview", scale=0.05, frames=slice(0, 3)
+    )
     raise_failures(run_scenarios([specs["ri_fog_day_sparse"]], options))
     spec, options = specs["ri_clear_night_sparse"], replace(options, output=tmp_path / "night")
-    (expected,) = estimate_run([spec], options, jobs=1).estimates
+    (expected,) = estimate_run([spec], options).estimates
     assert expected.is_exact
     assert (expected.frames, expected.pictures) == (3, 60)
     assert expected.time_s is not None
@@ -162,7 +150,7 @@ def test_an_estimate_is_within_a_factor_of_two_of_what_comes_out(
     raise_failures([result])
     assert 0.5 < expected.size_bytes / result.size_bytes < 2.0
     assert 0.5 < expected.memory_bytes / result.peak_memory_bytes < 2.0
-    (left,) = estimate_run([spec], options, jobs=1, simulate=False).estimates
+    (left,) = estimate_run([spec], options, simulate=False).estimates
     assert (left.frames, left.size_bytes, left.time_s) == (0, 0, 0.0)
 
 
@@ -174,7 +162,7 @@ def test_without_a_comparable_run_the_time_is_unknown_and_the_rest_an_upper_boun
         rates = estimate_rates(work, known)
         assert (rates.setup_s, rates.frame_s) == (None, None)
         assert rates.frame_bytes == 3 * 10_000 + 30 * 100 + 200e3
-    estimate = estimate_run(few, options(tmp_path), jobs=1, simulate=False)
+    estimate = estimate_run(few, options(tmp_path), simulate=False)
     assert estimate.total.time_s is None
     row = estimate.total.to_row()
     assert row["time"] == "unknown"
@@ -187,8 +175,8 @@ def test_frames_that_exist_are_counted_apart(
 ) -> None:
     monkeypatch.setenv("ADVERCITY_CACHE", str(tmp_path))  # without the trace of another test
     spec = Scenario(two_roads / "ui_clear_night_dense").spec
-    options = RunOptions(two_roads, backend="fake", profile="preview")
-    (found,) = estimate_run([spec], options, jobs=1, simulate=False).estimates
+    options = RunOptions(two_roads, jobs=1, backend="fake", profile="preview")
+    (found,) = estimate_run([spec], options, simulate=False).estimates
     possible = spec.timing.max_ticks - spec.timing.warm_up_ticks
     assert found.existing_frames == TWO_ROADS_FRAMES
     assert found.frames == possible - TWO_ROADS_FRAMES
@@ -251,7 +239,7 @@ def test_a_shared_cache_keeps_the_last_runs_of_every_machine_apart(
 def items_of(
     few: list[Spec], options: RunOptions, changes: Sequence[dict[str, Any]]
 ) -> tuple[ScenarioEstimate, ...]:
-    first = estimate_run(few[:1], options, jobs=1, simulate=False).estimates[0]
+    first = estimate_run(few[:1], options, simulate=False).estimates[0]
     return tuple(replace(first, **change) for change in changes)
 
 
@@ -329,7 +317,7 @@ def test_a_spec_that_would_fill_a_machine_is_refused_before_anything_is_made(
     told: str,
 ) -> None:
     spec = larger(specs["ui_fog_day_dense"], camera, lidar)
-    options = RunOptions(tmp_path / "output", profile="full")
+    options = RunOptions(tmp_path / "output", jobs=1, profile="full")
     with pytest.raises(InputError, match=rf"{told}.*`allow_large`"):
         ask(spec, options)
     assert ask(spec, options, allow_large=True).worker_count == 1
@@ -340,7 +328,7 @@ def test_the_frames_that_a_refusal_names_are_not_refused(
     specs: dict[str, Spec], tmp_path: Path
 ) -> None:
     spec = larger(specs["ui_fog_day_dense"], {}, {"azimuths": 18_000, "channels": 128})
-    options = RunOptions(tmp_path / "output", profile="preview", scale=0.01)
+    options = RunOptions(tmp_path / "output", jobs=1, profile="preview", scale=0.01)
     with pytest.raises(InputError, match=r"`frames` 0:\d+") as caught:
         ask(spec, options)
     (last,) = re.findall(r"`frames` 0:(\d+)", str(caught.value))
@@ -353,7 +341,7 @@ def test_a_run_of_months_is_refused_where_a_comparable_one_was_recorded(
     specs: dict[str, Spec], records: Path, tmp_path: Path
 ) -> None:
     spec = larger(specs["ui_fog_day_dense"], {}, {})
-    options = RunOptions(tmp_path / "output", profile="full")
+    options = RunOptions(tmp_path / "output", jobs=1, profile="full")
     work = FrameWork.from_spec(spec, RENDER_PROFILES["full"].scale)
     known = record(
         machine=run_records.describe_machine(),
@@ -363,7 +351,7 @@ def test_a_run_of_months_is_refused_where_a_comparable_one_was_recorded(
         beams=work.beams,
         frame_s=60.0,
     )
-    unknown = estimate_run([spec], options, jobs=1, simulate=False)
+    unknown = estimate_run([spec], options, simulate=False)
     assert not any("days" in text for text in unknown.describe_excess(tmp_path))
     records.write_text(known.model_dump_json())
     with pytest.raises(InputError, match=r"about \d+ days, more than 30.*`allow_large`"):
@@ -373,7 +361,7 @@ def test_a_run_of_months_is_refused_where_a_comparable_one_was_recorded(
 def test_requested_limits_hold_and_the_others_come_from_the_estimate(
     few: list[Spec], options: OptionsFor, tmp_path: Path
 ) -> None:
-    limits = ask(few[0], options(tmp_path), asked=ResourceLimits(memory_bytes=123)).limits
+    limits = ask(few[0], options(tmp_path), max_memory_bytes=123).limits
     assert limits.memory_bytes == 123
     assert limits.time_s is not None
     assert limits.time_s > 3600

@@ -31,16 +31,17 @@ from advercity.pipeline import (
     run_scenarios,
 )
 from advercity.pipeline.executors import run_batch
-from advercity.pipeline.options import (
+from advercity.pipeline.preparation import resolve_backend
+from advercity.pipeline.progress import ignore_progress
+from advercity.pipeline.scenario import join_scenario, run_scenario
+from advercity.rendering.backend import Capabilities
+from advercity.run_options import (
+    ProfileName,
     format_byte_size,
     format_duration,
     parse_byte_size,
     parse_duration,
 )
-from advercity.pipeline.preparation import resolve_backend
-from advercity.pipeline.progress import ignore_progress
-from advercity.pipeline.scenario import join_scenario, run_scenario
-from advercity.rendering.backend import Capabilities
 from advercity.testing import FakeBackend, RecordingListener
 from tests.builders import identify
 
@@ -390,13 +391,13 @@ def test_a_run_into_an_output_that_another_one_writes_is_refused_at_once(
 ) -> None:
     """Before any worker is started."""
     chosen = options(tmp_path / "output")
-    staging = find_staging_folder(chosen.output / few[1].id)
+    staging = find_staging_folder(chosen.folder / few[1].id)
     began_s = time.monotonic()
     with lock_file(staging / "lock"), pytest.raises(RunError) as told:
         run_batch(few[:2], chosen)
     assert time.monotonic() - began_s < 3
     assert f"{few[1].id}: another run is writing this scenario" in str(told.value)
-    assert not (chosen.output / few[0].id).exists()
+    assert not (chosen.folder / few[0].id).exists()
 
 
 @contextmanager
@@ -475,7 +476,7 @@ def test_auto_traces_with_mitsuba_where_no_gpu_does_and_says_so(
     tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
     *,
-    profile: str,
+    profile: ProfileName,
     has_gpu: bool,
     has_mitsuba: bool,
     chosen: str,
@@ -511,10 +512,10 @@ def test_auto_says_once_that_it_took_the_preview(
     options: OptionsFor,
     tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
-    profile: str,
+    profile: ProfileName,
     said: int,
 ) -> None:
     """The run ends at once by its time limit; what counts is what was said before."""
     chosen = replace(options(tmp_path / "output"), profile=profile)
-    run_batch(few[:1], chosen, limits=ResourceLimits(time_s=0.001))
+    run_batch(few[:1], replace(chosen, max_time_s=0.001))
     assert caplog.text.count("profile preview: no device here traces rays in hardware") == said

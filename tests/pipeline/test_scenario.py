@@ -26,7 +26,6 @@ from advercity.media import LABEL_HEIGHT_PX
 from advercity.output_files import write_output
 from advercity.pipeline import (
     RunOptions,
-    ViewerTarget,
     repair_dataset,
     run_scenario,
 )
@@ -330,7 +329,7 @@ def test_lidar_points_lie_in_the_boxes_of_their_actors(made: Path) -> None:
 
 def test_a_recording_is_written_next_to_the_dataset(spec: Spec, made: Path, tmp_path: Path) -> None:
     file = tmp_path / "scene.rrd"
-    scenario = run(spec, tmp_path, 0, 1, viewer=ViewerTarget(file=file))
+    scenario = run(spec, tmp_path, 0, 1, rrd=file)
     assert file.stat().st_size > 10_000
     assert tree(scenario).keys() <= tree(made).keys()
 
@@ -355,13 +354,13 @@ def test_a_replay_shows_the_boxes_that_are_annotated(spec: Spec, made: Path) -> 
 def test_a_recording_shows_what_was_asked_for_last(spec: Spec, made: Path, tmp_path: Path) -> None:
     file = tmp_path / "scene.rrd"
     write_output(file, b"of an earlier run")
-    run(spec, made.parent, 0, 1, viewer=ViewerTarget(file=file))
+    run(spec, made.parent, 0, 1, rrd=file)
     assert file.stat().st_size > 10_000
 
 
 def test_a_viewer_that_does_not_answer_leaves_no_dataset(spec: Spec, tmp_path: Path) -> None:
     with pytest.raises(RunError, match="no Rerun viewer answers"):
-        run(spec, tmp_path, 0, 1, backend="fake", viewer=ViewerTarget(connect="127.0.0.1:1"))
+        run(spec, tmp_path, 0, 1, backend="fake", connect="127.0.0.1:1")
     assert not list(tmp_path.rglob("*"))
 
 

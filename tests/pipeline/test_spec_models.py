@@ -34,7 +34,7 @@ def modelled(specs: dict[str, Spec]) -> Spec:
 
 def run(spec: Spec, output: Path, *, frames: int = 1, allow: str) -> Manifest:
     """Runs frames in this process, with missing models or edits allowed."""
-    options = RunOptions(output, "fake", "preview", frames=slice(0, frames))
+    options = RunOptions(output, backend="fake", profile="preview", frames=slice(0, frames))
     return Manifest.load(run_scenario(spec, replace(options, **{f"allow_{allow}": True})))
 
 

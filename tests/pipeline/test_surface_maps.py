@@ -68,7 +68,7 @@ def test_images_that_were_edited_together_with_their_checksum_are_made_again(
 def test_a_scenario_is_not_continued_with_edited_images_of_a_surface(
     specs: dict[str, Spec], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    spec, options = specs["rsnj_clear_day_sparse"], RunOptions(tmp_path / "output", "fake")
+    spec, options = specs["rsnj_clear_day_sparse"], RunOptions(tmp_path / "output", backend="fake")
     before = prepare_scenario(spec, options).identity
     # Linked, since everything else of the cache is used and not changed.
     shutil.copytree(find_cache_folder(), tmp_path / "cache", copy_function=os.link)
