@@ -197,10 +197,9 @@ def restore_files(
 ) -> list[FileProblem]:
     """Restore the files found by `verify_scenario`; return the remaining problems.
 
-    These are foreign files, and recorded ones no run writes. Frames are captured again one by
-    one; a missing or changed file is replaced once the new content has the checksum of the
-    manifest. So an interruption leaves the scenario no worse than before, and the same call
-    continues.
+    These are foreign files, and recorded ones no run writes. Frames are captured again one by one;
+    a missing or changed file is replaced once the new content has the checksum of the manifest. So
+    an interruption leaves the scenario no worse than before, and the same call continues.
 
     Args:
         scenario: Folder of the scenario.
