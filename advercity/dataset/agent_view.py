@@ -86,8 +86,7 @@ class AgentView:
     """The data of one agent in one frame.
 
     The properties `cloud`, `points`, `radar`, `measured` and `extras` read their file at every use:
-    keep the result rather than the view. The frame's YAML, which all others need, is read once and
-    kept.
+    keep the result, not the view. The frame's YAML, needed by all others, is read only once.
 
     Args:
         agent: The agent with its sensor rig; None where only its files are known.
@@ -139,8 +138,7 @@ class AgentView:
     def read(self, kind: str, number: int = 0) -> Any:
         """Read the measurement of a sensor as its driver returned it during the run.
 
-        InputError if the agent has no such sensor; None of a receiver, unit or bus without a
-        report.
+        InputError if the agent has no such sensor; None if a receiver, unit or bus sent no report.
         """
         return self._find_files(kind, number).read(self, number)
 
@@ -196,8 +194,7 @@ class AgentView:
     def flow(self, camera: int) -> OpticalFlow:
         """Read the motion of each of a camera's pixels to the next image.
 
-        In the last frame of a scenario it is unknown. InputError if the rig does not ask for
-        `truth: [flow]`.
+        It is unknown in a scenario's last frame. InputError unless the rig has `truth: [flow]`.
         """
         self._check_truth("flow", camera)
         mode = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_ANYDEPTH
@@ -219,8 +216,7 @@ class AgentView:
     def raw(self, camera: int) -> NDArray[np.uint16]:
         """Read the values (h, w) of a camera's pixels behind filters of one colour each.
 
-        `load_readout(camera).count_electrons` makes electrons of them. InputError if the rig does
-        not ask for `raw`.
+        `load_readout(camera).count_electrons` makes electrons of them. InputError without `raw`.
         """
         self._check_asked("raw", camera, "raw: {}")
         values: Any = self._read_camera("raw", camera, cv2.IMREAD_UNCHANGED)
@@ -535,8 +531,7 @@ class AgentView:
     def load_steady_boxes(self) -> Boxes:
         """Load the annotated objects with boxes of constant size.
 
-        The box of a pedestrian holds all poses of the gait: formats with one pose per object cannot
-        store the stride otherwise.
+        The box of a pedestrian holds all poses of the gait, for formats with one pose per object.
         """
         objects = self.extras["objects"]
         with report_read_errors(self.path("_objects.json")):

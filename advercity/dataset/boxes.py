@@ -22,8 +22,7 @@ class Boxes:
 
     Attributes:
         ids: (n,) int64, the same for the same object in all frames and agents of a scenario.
-        classes: (n,) text: car, van, truck, bicycle, motorcycle or pedestrian; `vehicle` or other
-            names in folders of others.
+        classes: (n,) text: car, van, truck, bicycle, motorcycle or pedestrian; others if foreign.
         world_from_box: (n, 4, 4); origin in the middle of the box, x forward, y left, z up.
         locations: (n, 3) points moving with the body: on the ground, of people half-way up.
         sizes: (n, 3) full length, width and height in metres.

@@ -110,8 +110,7 @@ class ForeignView(AgentView):
     def boxes(self) -> Boxes:
         """The annotated objects: vehicles first, then pedestrians.
 
-        Where the folder does not have them, `lidar_points` are the points within the box, and
-        `lidar_hits` are -1.
+        Without them in the folder, `lidar_points` are counted in the box; `lidar_hits` are -1.
         """
         boxes = super().boxes
         if not len(boxes) or boxes.lidar_points.min() >= 0:

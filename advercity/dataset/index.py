@@ -38,7 +38,7 @@ class IndexEntry(Model):
     Attributes:
         spec_sha256: Checksum of the spec.
         state: `waiting` has no result yet, `partial` lacks frames, `failed` does so after an error;
-        a refused run leaves a scenario `whole` or `partial`.
+            a refused run leaves a scenario `whole` or `partial`.
         frames: Number of written frames.
         length: Number of frames of the whole scenario.
         files: Number of files.

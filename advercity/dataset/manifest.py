@@ -83,8 +83,7 @@ class Identity(Model):
         vector_instructions: Of the processor, as `find_vector_instructions` names them.
         rounding_sha256: Checksum of how NumPy, OpenBLAS and glibc round here; empty in older ones.
         code_sha256: Checksum of the sources of `CODE_PACKAGES`, which may change between versions.
-        versions: Versions of advercity, of `VERSIONED_PACKAGES`, and of packages whose sensors the
-            spec has.
+        versions: Versions of advercity, `VERSIONED_PACKAGES`, and packages of the spec's sensors.
     """
 
     spec: str

@@ -1,8 +1,7 @@
 """Safe writing: unfinished files in a staging folder, journals of frames, one writer at a time.
 
 A frame's files are written to `OUTPUT/.staging/<spec id>` and renamed into the scenario when all of
-them are complete. Each process appends to a journal of its own, so manifest and journals describe
-a scenario after its run was killed.
+them are complete. Each process has its own journal; with the manifest they survive a killed run.
 """
 
 import errno

@@ -69,8 +69,7 @@ class FrameView:
 
         Args:
             receiver: Id of the agent: `cav1`.
-            latest: Only the newest of each sender and kind; else all younger than the channel's
-            lifetime.
+            latest: Only the newest of each sender and kind; else all within the channel's lifetime.
 
         Raises:
             InputError: The scenario has no channel, or a file cannot be read.
@@ -233,8 +232,7 @@ class Scenario(Sequence[FrameView]):
     def find_nearest(self, agent: str, sensor: str, times_s: ArrayLike) -> NDArray[np.int64]:
         """Find the numbers (m,) of the frames whose sample of a sensor is nearest to times (m,).
 
-        `sensor` is a name of `load_stamps`, such as `lidar0`. Of frames with the same sample it is
-        the first.
+        `sensor` is a name of `load_stamps`, such as `lidar0`; equal samples give the first frame.
         """
         stamps = self.load_stamps(agent)
         if sensor not in stamps or sensor in ("gnss", "imu", "can"):
@@ -329,13 +327,11 @@ def open_scenarios(path: Path, layout: str | None = None) -> tuple[Scenario, ...
 def open_dataset(path: Path | str, layout: str | None = None) -> Dataset:
     """Open the folder of a dataset, or of one scenario.
 
-    Only the numbers of the written frames are read; the first frame taken from a scenario
-    reads its manifest.
+    Only frame numbers are read; the first frame taken from a scenario reads its manifest.
 
     Args:
         path: The folder.
-        layout: Layout of a folder written by another program, without manifests: `opv2v` (OPV2V,
-        V2XSet, V2V4Real) or `adver_city`.
+        layout: Layout of a foreign folder: `opv2v` (OPV2V, V2XSet, V2V4Real) or `adver_city`.
 
     Raises:
         InputError: The folder holds no scenario, or none of this layout.

@@ -103,8 +103,7 @@ def find_received_messages(
     Args:
         frame: The frame.
         receiver: Id of the agent.
-        latest: Only the newest of each sender and kind; else all younger than the channel's
-        lifetime.
+        latest: Only the newest of each sender and kind; else all within the channel's lifetime.
     """
     scenario = frame.scenario
     channel, tick_s = scenario.spec.channel, scenario.spec.timing.tick_s

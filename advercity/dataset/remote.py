@@ -88,8 +88,7 @@ class SharedScenario:
             made: Frames made here.
 
         Raises:
-            RunError: A part was made by other code or on another device, or files of a frame in
-            `made` are gone.
+            RunError: A part differs in code or device, or files of a frame in `made` are gone.
         """
         own = encode_scenario_files(self.spec, self.identity)
         records = self._select_whole_frames(self._merge_records(self._read_manifests()))

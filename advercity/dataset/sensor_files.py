@@ -50,8 +50,7 @@ class SensorFiles:
     """How a dataset keeps the measurements of a kind of sensor.
 
     Documents hold plain types and are left-handed, as in `frame_documents`. Sensors are given by
-    their number within the kind. A measurement exists for every call, except for sensors without a
-    place of their own.
+    their number within the kind. Only sensors without a place may lack a measurement.
 
     Attributes:
         read: Reads a measurement back, right-handed, as its driver returned it.

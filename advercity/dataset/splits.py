@@ -56,9 +56,8 @@ def link_splits(
 
     Raises:
         InputError: Two scenarios have one name, a value belongs to no split, or to two, or is
-            neither the dataset's nor a published road, or `output` is in a dataset or an export,
-            or has a `splits.json` or a link from elsewhere, or another file there; no link is
-            changed then.
+            neither the dataset's nor a published road, or `output` is in a dataset or an export, or
+            has a `splits.json`, link or file from elsewhere; no link is changed then.
         RunError: The links cannot be made.
     """
     split_of = _map_values_to_splits(values, by)

@@ -39,8 +39,7 @@ def write_plots(tables: Iterable[StatisticsTable], folder: Path) -> None:
     """Plot each table as `<name>.png` if it has a plot, all or none.
 
     Raises:
-        InputError: matplotlib is not installed, or a file of this name exists and may not be
-        replaced.
+        InputError: matplotlib is not installed, or a file of this name is not to be replaced.
         RunError: The folder is full or not writable.
     """
     try:

@@ -159,8 +159,7 @@ class DatasetLease:
 
     Args:
         store: The store of the dataset.
-        timeout_s: How long a lease is respected without renewal; this one is renewed four times
-        as often.
+        timeout_s: How long a lease lasts without renewal; this one is renewed four times as often.
 
     Raises:
         RunError: Another run has the lease (when the context is entered).

@@ -1,7 +1,6 @@
 """Compares a dataset with its manifests and its index, and restores missing and changed files.
 
-Restoring touches only files recorded by a manifest, and a killed run's remains of frames. Changed
-files are kept under another name.
+Restoring touches only recorded files and a killed run's remains. Changed files are kept renamed.
 """
 
 import os
@@ -45,9 +44,9 @@ class FileProblem:
     Attributes:
         scenario: Folder of the scenario.
         path: Path within the scenario.
-        kind: The problem. Unlisted files are `unfinished` if an interrupted run left them, and
-        else `foreign`, which is no damage. A scenario that is `being written` has this one
-        problem, with an empty path.
+        kind: The problem. Unlisted files are `unfinished` if an interrupted run left them, and else
+            `foreign`, which is no damage. A scenario that is `being written` has this one problem,
+            with an empty path.
         frame: Frame to be written again; None for files of the whole scenario.
     """
 
@@ -207,8 +206,7 @@ def restore_files(
         capture_frame: Returns the sensor frames of all agents in a frame.
 
     Raises:
-        RunError: A new content differs from the recorded one, another run is writing, or the disk
-            is full or not writable.
+        RunError: A new content differs from its record, another run is writing, or the disk fails.
     """
     found = list(problems)
     with lock_scenario(scenario), report_disk_errors(scenario):

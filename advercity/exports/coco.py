@@ -47,8 +47,7 @@ CATEGORIES = {
     "motorcycle": (4, "motorcycle", "vehicle"),
     "truck": (8, "truck", "vehicle"),
 }
-"""COCO's id, name and group by class: detectors trained on COCO can be evaluated unchanged. COCO
-has no vans."""
+"""COCO's id, name and group by class, for detectors trained on COCO. COCO has no vans."""
 RIDDEN_CLASSES = frozenset({"bicycle", "motorcycle"})
 FIRST_STUFF_CATEGORY = 200
 """Category of semantic tag 0 in panoptic images; COCO's own end below."""

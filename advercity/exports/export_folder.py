@@ -71,8 +71,7 @@ class _JournalEntry(Model):
 class ExportFolder:
     """Opens the folder of an export, writes pieces, and keeps the manifest; a context manager.
 
-    Entering it changes no file there; `start` does. Leaving it, also after an error, then writes
-    the manifest.
+    Only `start` changes files there. Leaving it after that, also by an error, writes the manifest.
 
     Args:
         path: The folder.
@@ -169,8 +168,7 @@ class ExportFolder:
 
         Raises:
             InputError: A file of the dataset is missing or damaged; the piece is absent then.
-            RunError: The disk is full or not writable, or something else is where a file belongs;
-                the piece is absent then, too.
+            RunError: The disk is full or not writable, or a path is taken; the piece is absent.
         """
         with (
             report_disk_errors(self.path),

@@ -50,8 +50,7 @@ class ExportManifest(Model):
         version: Version of advercity.
         code_sha256: Checksum of its sources.
         scenarios: Checksums of the identities of the scenarios, by their names.
-        edited: Checksums of files of the dataset changed after its runs and exported with these
-            changes, by scenario and path.
+        edited: Checksums of files changed after their run and exported so, by scenario and path.
         complete: Whether everything in the dataset is written.
         pieces: Inputs of the finished pieces, by their names.
         files: Records by path within the export.

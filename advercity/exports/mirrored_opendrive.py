@@ -1,7 +1,6 @@
 """OpenDRIVE as netconvert writes it, mirrored at the x axis for traffic on the left.
 
-Roads then have rule LHT: their lanes are left of the reference line, with positive ids, and run
-along it as before.
+Roads get rule LHT: lanes are left of the reference line, with positive ids, in the old direction.
 """
 
 from collections.abc import Iterable, Mapping

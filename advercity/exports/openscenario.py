@@ -5,8 +5,7 @@
 
 Both are right-handed with x east, y north, z up, and headings counter-clockwise from east, as here.
 An entity is at its rear axle on the ground; its bounding box has its own centre. All
-ticks of the traffic are there, whichever frames the dataset has: the traffic is simulated again,
-and must equal the dataset's.
+ticks are there, whichever frames the dataset has: the traffic is simulated again and compared.
 """
 
 import datetime

@@ -1,8 +1,7 @@
 """Position and motion of a vehicle as KITTI's inertial unit writes them: 30 columns of text.
 
 Position, attitude and speed are the true ones, since KITTI's unit is its reference too. Rates and
-accelerations are measurements of the agent's own inertial unit; without one, the values of a body
-at rest.
+accelerations come from the agent's own inertial unit, or are a resting body's without one.
 """
 
 import numpy as np

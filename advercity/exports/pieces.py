@@ -139,8 +139,7 @@ def split_by_frame(
     Args:
         dataset: The dataset.
         write_frame: Writes the files of a frame, given the number of its first sample.
-        count_samples: Returns how many samples a frame of a scenario has; they are numbered from 0
-            on through the whole dataset.
+        count_samples: Counts the samples of a frame, numbered through the whole dataset from 0.
     """
     pieces: list[Piece] = []
     number = 0

@@ -2,8 +2,7 @@
 
 embreex ships Embree, but its wrapper has neither instances, motion nor ray packets, so the C
 functions of version 4 are called by ctypes. Packets of 16 coherent rays are two to three times as
-fast as single rays. Embree computes in float32: hits are accurate to a tenth of a millimetre within
-a kilometre of the origin.
+fast as single rays. Embree computes in float32: 0.1 mm accuracy within 1 km of the origin.
 """
 
 import ctypes
@@ -310,8 +309,7 @@ def _load_embree() -> Any:
 
 @cache
 def _open_device() -> int:
-    # Embree's threads wait for work busily, which doubles the processor time of small trees. A run
-    # has a process for every core.
+    # Embree's threads wait busily: small trees take twice the CPU time. Each core has a process.
     return _load_embree().rtcNewDevice(b"threads=1")
 
 

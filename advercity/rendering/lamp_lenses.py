@@ -45,10 +45,9 @@ LENS_KINDS = {kind.name.lower(): kind for kind in LensKind}
 TAIL_LAMP_KCD_M2 = 1.2
 """Luminance of a red lens per albedo as a tail lamp, which is on with the low beam."""
 WARM_CD_M2, COOL_CD_M2, SHOP_CD_M2 = 4.0, 8.0, 13.5
-"""Luminance of windows from outside: walls with a reflectance of one half under 30 and 60 lx,
-assumptions for living rooms and kitchens in the evening; in shops, shelves with a reflectance of a
-third under 150 lx, half of the 300 lx on the floor (EN 12464-1, sales areas). Panes let 85 %
-through."""
+"""Luminance of windows from outside: walls reflecting half of 30 and 60 lx, assumptions for living
+rooms and kitchens in the evening; in shops, shelves reflecting a third of 150 lx, half of the
+300 lx on the floor (EN 12464-1, sales areas). Panes let 85 % through."""
 
 
 def _per_albedo(luminance_cd_m2: float, material: str) -> float:

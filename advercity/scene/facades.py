@@ -48,8 +48,7 @@ _LIGHT_ACCENTS = ("cloth_yellow",)
 LOWERED_STEPS = 2, 7
 """Least steps of a lowered blind, and one more than the most."""
 LIT_ROOM_FRACTION, LIT_SHOP_FRACTION, COOL_FRACTION = 0.35, 0.7, 0.3
-"""Fractions of rooms and shops lit by night, and of rooms with lamps of cool white: assumptions for
-an evening."""
+"""Fractions of rooms and shops lit by night, and of cool white lamps in rooms (assumptions)."""
 CURTAINED_FRACTION = 0.4
 """Fraction of windows without a blind but with a curtain at either side."""
 

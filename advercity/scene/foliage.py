@@ -30,8 +30,7 @@ def build_leaves(
 ) -> TriangleSurface:
     """Build a leaf at each of some points (n, 3), about along a direction and facing another.
 
-    Normals are between the leaf's and the crown's: light falls on the crown as a whole,
-    and leaves glitter on it.
+    Normals are between leaf and crown: light falls on the crown as a whole, and leaves glitter.
     """
     facing = normalize(outward + draw.normal(scale=0.45, size=roots.shape) + xyz(z=0.3))
     along = normalize(along - facing * np.sum(along * facing, axis=1, keepdims=True))

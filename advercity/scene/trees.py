@@ -77,8 +77,7 @@ _LEAF_LENGTH_M = {Detail.NEAR: 0.165, Detail.MIDDLE: 0.24, Detail.FAR: 0.38}
 _BRANCHES_PER_LIMB = 6
 _CORE_RATIO = {Detail.NEAR: 0.58, Detail.MIDDLE: 0.64, Detail.FAR: 0.72}
 _CORE_BUMP = 0.16
-"""Size of the dense inside of a crown over the crown's, and its unevenness: more leaves hide it
-better."""
+"""Size of the dense inside over the crown's (more leaves hide it better), and its unevenness."""
 _CORE_SIDES = {Detail.NEAR: (12, 8), Detail.MIDDLE: (10, 6), Detail.FAR: (8, 5)}
 _HIDDEN_RATIO = 0.72
 """Size over the crown's of the ellipsoids for hiding parts of other ellipsoids."""

@@ -1,7 +1,6 @@
 """Sends a run frame by frame to Rerun: to a file, to connecting viewers, or to a running viewer.
 
-Sinks are checked before anything is sent: if a port is taken or no viewer answers, Rerun itself
-only logs it and goes on.
+Sinks are checked first: Rerun itself only logs taken ports and missing viewers, and goes on.
 """
 
 import math

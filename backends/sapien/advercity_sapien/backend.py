@@ -1,7 +1,6 @@
 """The backend, found by name: capabilities of this machine, and open renderers.
 
-The Vulkan device is probed in a child process: without a usable driver SAPIEN may abort the
-process instead of raising.
+The Vulkan device is probed in a child process: without a usable driver SAPIEN may abort it.
 """
 
 import os

@@ -2,8 +2,7 @@
 
 A surface looks up all relevant lamps of its cell of the ground and, if it is wet, the lamps of
 the bearing under which it is seen: it may mirror them from far beyond their range. Air looks up the
-lamps whose glow may be seen in its tile of the image. Lamps fade to nothing where lists end, so
-no edges show.
+lamps whose glow may be seen in its tile of the image. Lamps fade out where lists end.
 """
 
 from collections.abc import Sequence
@@ -243,8 +242,7 @@ class LampLists:
     def _compute_nearness(self, eye: FloatArray) -> FloatArray:
         """Compute how much (n,) of beams around an eye (3,) is seen from all sides, 0 to 1.
 
-        The few nearest ones are in every tile, and fade with their distance, so none of them
-        begins or ends suddenly.
+        The few nearest ones are in every tile, and fade with their distance to nothing.
         """
         away = eye - self._position
         along = np.clip((away * self._facing).sum(axis=1), 0.0, FOG_BEAM_LENGTH_M)

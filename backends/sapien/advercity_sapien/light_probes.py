@@ -57,8 +57,7 @@ class LightProbes:
     Attributes:
         light: (levels h, w, 4) float32, level upon level: ratio of the light of all directions to
                 the light in the open by colour, then the height of the ground in metres.
-            shape: Two of (levels h, w, 4) float32: the directional moments, relative to
-            the light of all directions.
+            shape: Two of (levels h, w, 4) float32: directional moments relative to all light.
         corner: South-western corner (x, y) of the grid, metres.
         size: Width and height, metres.
         open_shape: The shape (8,) in the open.

@@ -65,8 +65,7 @@ def compute_tone_texels(maps: MaterialMaps) -> tuple[NDArray[np.uint8], tuple[fl
 
     Returns:
         Texels (h, w, 4), in bytes of the greatest ratio, and the greatest ratios of red, green
-        and blue. They are linear: means of texels, taken by the device for distant surfaces, are
-        means of light.
+        and blue. They are linear, so the device's means of texels are means of light.
     """
     means = maps.mean or (None, None, None)
     texels = np.empty((*maps.color.shape[:2], 4), np.uint8)

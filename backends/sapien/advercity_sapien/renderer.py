@@ -51,8 +51,7 @@ COMPACT_IMAGES = {
 """Formats of the raster pack's images without single precision; SAPIEN gives every image 16
 bytes a texel. A format holds for a name in all packs, so the ray-traced one has other names."""
 MAX_RASTER_SAMPLES = 960 * 540 * 4
-"""Most samples of surfaces drawn at once, for want of memory: edges of larger images are
-smoothed tile by tile (`edges`)."""
+"""Most samples of surfaces drawn at once, to save memory; larger images: see `edges`."""
 
 
 FINEST_M = 1e-3

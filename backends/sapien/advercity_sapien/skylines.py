@@ -39,8 +39,7 @@ class Skylines:
     """Skylines around the probes of a grid (h, w), azimuth upon azimuth.
 
     Attributes:
-        light: (AZIMUTHS h, w, 4) float32: mean radiance of the skyline in cd/m², then the
-            tangent of the elevation of its top.
+        light: (AZIMUTHS h, w, 4) float32: mean radiance in cd/m², tangent of the top's elevation.
         nearness: (AZIMUTHS h, w) uint8, `NEAREST_M` over its horizontal distance, of 255.
     """
 

@@ -122,8 +122,7 @@ def test_low_beams_light_the_road_ahead_by_night_only(opened: Open) -> None:
                 seen[night, lamps] = capture.radiance[..., 2]
     assert seen[True, Lamp(0)].max() == seen[False, Lamp.LOW_BEAM].max() == 0.0
     lit = seen[True, Lamp.LOW_BEAM]
-    # One metre a pixel, rows run against x: the road 16 m ahead gets 40 kcd/d² times z/d, a
-    # third of it blue.
+    # At 1 m a pixel, rows run against x: the road at 16 m gets 40 kcd/d² times z/d, a third blue.
     assert lit[24, 40] == pytest.approx(0.33 * 40e3 * 0.65 / 15.0**3 / np.pi, rel=0.4)
     assert lit[50, 40] == 0.0
 
@@ -220,8 +219,7 @@ def test_a_lamp_in_fog_wears_the_halo_of_its_droplets(opened: Open) -> None:
     row, column = np.indices(seen.shape) - 400
     angle_deg = np.degrees(np.arctan(np.hypot(row, column) / 400))
     rings = [seen[np.abs(angle_deg - at) < 0.07].mean() for at in (2.0, 5.0)]
-    # By the path tracer of `benchmarks/night_fog.py`, without a road; single scattering alone
-    # gives 6.0 and 1.1.
+    # By the path tracer of `benchmarks/night_fog.py`, without a road; single scattering: 6.0, 1.1.
     assert rings == pytest.approx([9.56, 1.93], rel=0.1)
 
 

@@ -98,8 +98,7 @@ def test_a_quarter_of_an_image_lies_where_it_belongs(renderer: Renderer) -> None
     places = np.column_stack([middles, np.full(4, 0.3)])
     found = seen(field("brick", quartered(2.0)), places, renderer).mean(axis=(1, 2, 3))
     tones = np.array([light(int(byte)) for byte in QUARTERS.ravel()])
-    # Variation over metres is not in the images, and the same for neighbours. Texels have bytes
-    # of the brightest one.
+    # Variation over metres is not in the images. Texels have bytes of the brightest one.
     byte = tones.max() / 255 / tones.mean()
     np.testing.assert_allclose(found / found.mean(), tones / tones.mean(), rtol=0.03, atol=byte / 2)
 
