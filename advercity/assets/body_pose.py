@@ -1,4 +1,4 @@
-"""Computes the pose in which an actor is seen: one answer for renderers, ray casting and labels."""
+"""Computes the visible pose of an actor, the same for renderers, ray casting and labels."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

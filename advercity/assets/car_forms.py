@@ -138,7 +138,7 @@ _TAIL_SETBACK = np.array(
     [0.030, 0.012, 0.002, 0.0, 0.004, 0.010, 0.012, 0.016, 0.018, 0.020, 0.021]
 )
 _END_BOW = np.array([0.0, 0.005, 0.020, 0.060])
-"""Stations by which the corners of an end are behind its middle."""
+"""Distances of an end's corners behind its middle, as stations."""
 
 
 def build_car_cage(form: CarForm, length_m: float, half_m: float, height_m: float) -> Float64Array:

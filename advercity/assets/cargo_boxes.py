@@ -176,8 +176,8 @@ def write_haulier(
     Args:
         name: The text.
         place: Middle of the name on the left flank (3,).
-        length_m: Length up to which it is written.
-        height_m: Height up to which it is written.
+        length_m: Maximum length.
+        height_m: Maximum height.
     """
     x, side, z = place
     height_m = fit_height(name, height_m, length_m)

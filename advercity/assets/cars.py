@@ -88,7 +88,7 @@ def _build_motor_car(blueprint_id: str, size: Size, form: CarForm) -> list[MeshP
 
 
 def build_body_on_wheels(blueprint_id: str, body: CarSurface, width: float) -> list[MeshPart]:
-    """Build a car, or the cab of a truck, but for its wheels; `width` includes the mirrors."""
+    """Build a car or a truck's cab without wheels; `width` includes the mirrors."""
     return [
         *_build_shell(body),
         *_build_lamps(body),

@@ -18,7 +18,7 @@ LIFT_M = 0.003
 """Distance of text from the surface behind it."""
 
 LETTERS, DIGITS = "ABCDEFGHJKLMNPRSTUVWXYZ", "0123456789"
-"""Of registrations, in which I, O and Q would be taken for digits."""
+"""Characters of registrations, without I, O and Q, which resemble digits."""
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ SNAP_DECIMALS = 6
 WELD_FRACTION = 5e-5
 """Distance at which vertices are merged, as a fraction of the part's size."""
 SHAPE_MATERIALS = frozenset({ACTOR_PAINT, "glass", "lamp_white", "lamp_red"})
-"""Materials by which people recognize a vehicle; these parts keep more triangles."""
+"""Materials of a vehicle's recognisable parts, which keep more triangles."""
 SHAPE_WEIGHT = 3.0
 BODY_MIN_ELEVATION_SINE, WHEEL_MIN_ELEVATION_SINE = -0.25, -1.0
 """Lowest elevation of viewers: undersides of bodies are hidden, but wheels turn."""

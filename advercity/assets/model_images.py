@@ -29,10 +29,10 @@ IMAGE_PX = 256
 """Side of each image of a model."""
 MAX_IMAGES_BYTES = 2**28
 _SAMPLES = np.array([(1, 1, 1), (4, 1, 1), (1, 4, 1), (1, 1, 4)]) / np.array([[3], [6], [6], [6]])
-"""Barycentric coordinates of the points by which triangles are found."""
+"""Barycentric coordinates of sample points for finding triangles."""
 _CHUNK = 128
 _FARTHEST = 2.0
-"""How far beyond the nearest triangle its texture coordinates go on, in sizes of it."""
+"""How far texture coordinates extend beyond the nearest triangle, in sizes of it."""
 MAX_WIDTH_M = 200.0
 """Wider images are a single point of their file, with no more information than the table."""
 _NAME = re.compile(r"([0-9a-f]{64})/(\d+)")
@@ -212,7 +212,7 @@ def _place(
 
 
 def _place_on_atlas(placement: _Placement, count: int) -> Float64Array:
-    """Compute coordinates (m, 3, 2) in widths of an atlas of so many tiles; its upper edge is 0."""
+    """Compute coordinates (m, 3, 2) in widths of an atlas of tiles; its upper edge is 0."""
     tile = np.where(placement.tile < 0, count - 1, placement.tile)
     across = (placement.uv[..., 0] + tile[:, None]) / count
     return np.stack([across, (placement.uv[..., 1] - 1.0) / count], axis=-1)

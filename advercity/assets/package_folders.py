@@ -53,7 +53,7 @@ def open_new_package(package: AssetPackage, folder: Path) -> Generator[Path]:
 def remove_package(folder: Path) -> None:
     """Delete the unchanged files of a package, and warn about changed ones.
 
-    The folder goes, too, if nothing else is in it.
+    The folder is deleted, too, if it is empty then.
 
     Raises:
         InputError: The folder is a link, or does not list its unpacked files.

@@ -90,7 +90,7 @@ class _Skin:
 
     @classmethod
     def build(cls, weights: Float32Array, points: Float32Array) -> "_Skin":
-        """Build it from the weights (n, bones) of all bones, nearly all of which are zero."""
+        """Build it from the weights (n, bones) of all bones, nearly all zero."""
         counts = np.count_nonzero(weights, axis=1)
         order = np.argsort(weights == 0.0, axis=1, kind="stable")
         bones: list[tuple[IndexArray, IndexArray, Float32Array]] = []

@@ -45,7 +45,7 @@ def describe_package(pack: TexturePack) -> AssetPackage:
 
 @dataclass(frozen=True)
 class TextureStore:
-    """A folder of packs; nothing of a package is unpacked into files."""
+    """A folder of packs, which stay packed."""
 
     folder: Path
 

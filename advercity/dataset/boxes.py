@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from advercity.dataset.carla_frame import matrix_from_carla_pose, mirror_angle, mirror_points
 
 UNCLASSIFIED = "vehicle"
-"""Class of a vehicle of unknown kind in folders of others."""
+"""Class of a vehicle of unknown kind in foreign folders."""
 _Speed = TypeVar("_Speed", float, NDArray[np.float64])
 
 

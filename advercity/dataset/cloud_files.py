@@ -2,11 +2,11 @@
 
 PCD: readers of OPV2V take `x y z` as 4-byte floats and the intensity from the red channel of
 `rgb`, eight bits of it. They skip the fields behind `rgb`, which hold the full precision and
-all other facts of a point. `x y z` and `raw_x raw_y raw_z` are left-handed. Clouds of others
+all other facts of a point. `x y z` and `raw_x raw_y raw_z` are left-handed. Foreign clouds
 may have other fields, and be text.
 
 PLY: as the original wrote it with Open3D. Coordinates are doubles, the intensity is the red colour
-in eight bits, and there is nothing else.
+in eight bits; other fields are absent.
 """
 
 from __future__ import annotations
@@ -213,7 +213,7 @@ def read_pcd(path: Path, point: np.dtype[np.void] = PCD_POINT) -> NDArray[np.voi
 
 
 def read_foreign_pcd(path: Path) -> NDArray[np.void]:
-    """Read a PCD of others as a table (n,), in the frame of the file.
+    """Read a foreign PCD as a table (n,), in the frame of the file.
 
     Its fields are the fields of the file and `intensity` from 0 to 1, which OPV2V stores in
     the red channel of `rgb`; without either it has none.

@@ -26,9 +26,9 @@ from advercity.sensors.camera_model import CameraModel
 
 
 class ForeignView(AgentView):
-    """The data of one agent of a folder of others in one frame.
+    """The data of one agent of a foreign folder in one frame.
 
-    Properties are as in `AgentView`, as far as there are files for them. Numbers missing in the
+    Properties are as in `AgentView` if there are files for them. Numbers missing in the
     folder are NaN. `description` is completed to advercity's fields.
 
     Args:

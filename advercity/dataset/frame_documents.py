@@ -81,7 +81,7 @@ def _describe_weather(weather: Weather | None) -> dict[str, Any]:
 
 
 def _describe_stamps(sensor_frame: SensorFrame) -> dict[str, Any]:
-    """Describe when sensors with rates of their own measured; nothing without such sensors."""
+    """Describe the times of sensors with rates of their own; empty without such sensors."""
     stamps = {name: to_plain(time_s) for name, time_s in sensor_frame.stamps.items()}
     return {"stamps": stamps} if stamps else {}
 
@@ -117,7 +117,7 @@ def _describe_object(item: Annotation) -> dict[str, Any]:
 
 
 def _describe_towing(actor: Actor) -> dict[str, int]:
-    """Describe which actor tows a semi-trailer; nothing of all others."""
+    """Describe the actor towing a semi-trailer; empty for all other actors."""
     return {"towed_by": actor.towed_by} if actor.towed_by else {}
 
 

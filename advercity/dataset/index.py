@@ -166,7 +166,7 @@ EMPTY_INDEX = DatasetIndex(index_version=1, scenarios={})
 class IndexWriter:
     """Keeps the index of a dataset up to date; several processes may do so at a time.
 
-    The folder of a dataset is created by its first scenario; until then nothing is written.
+    The first scenario creates the folder of a dataset; until then no file is written.
 
     Args:
         dataset: Folder of the dataset.

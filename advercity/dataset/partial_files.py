@@ -33,7 +33,7 @@ from advercity.errors import InputError, RunError, describe_cause, escape_contro
 _logger = logging.getLogger(__name__)
 
 PARTIAL_SUFFIX = ".advercity-partial"
-"""End of the names of unfinished files, which no file of others has."""
+"""End of the names of unfinished files, absent from all foreign names."""
 KEPT_SUFFIX = ".kept"
 """End of the new names of foreign files in the way of a run's own."""
 _ERRORS_OF_FULL_DISKS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -229,7 +229,7 @@ def find_partial_file(scenario: Path, path: str) -> Path:
 
 
 def remove_partial_files(scenario: Path) -> None:
-    """Delete the unfinished files and the claims of a scenario; files of others stay."""
+    """Delete the unfinished files and the claims of a scenario; foreign files stay."""
     staging = find_staging_folder(scenario)
     incoming, claims = staging / "incoming", staging / "claims"
     for path in incoming.rglob(f"*{PARTIAL_SUFFIX}"):
@@ -246,7 +246,7 @@ def remove_partial_files(scenario: Path) -> None:
 def remove_idle_staging_folder(scenario: Path) -> None:
     """Delete the staging folder of a scenario, but keep journals still in use.
 
-    Files of others stay in it, and a warning says so.
+    Foreign files stay in it, and a warning says so.
     """
     staging, journals = find_staging_folder(scenario), find_journals(scenario)
     if journals:  # of a killed run
@@ -317,10 +317,7 @@ def refuse_other_run(dataset: Path, scenarios: Iterable[str]) -> None:
 
 
 def is_being_written(scenario: Path, *, patience_s: float = 0.0) -> bool:
-    """Return whether a run has a scenario open, and goes on to for longer than `patience_s`.
-
-    Nothing is changed.
-    """
+    """Return whether a run keeps a scenario open for longer than `patience_s`; changes no file."""
     until_s = time.monotonic() + patience_s
     while is_locked(find_staging_folder(scenario) / "lock"):
         if time.monotonic() >= until_s:
@@ -330,7 +327,7 @@ def is_being_written(scenario: Path, *, patience_s: float = 0.0) -> bool:
 
 
 def is_locked(path: Path) -> bool:
-    """Return whether a process holds the lock on a file; nothing is changed."""
+    """Return whether a process holds the lock on a file; changes no file."""
     import fcntl
 
     # Runs make regular files only; anything else holds no lock.

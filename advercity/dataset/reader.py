@@ -156,7 +156,7 @@ class Scenario(Sequence[FrameView]):
 
     @cached_property
     def left_out(self) -> tuple[LeftOut, ...]:
-        """Unread parts of files of others; empty for a dataset of advercity."""
+        """Unread parts of foreign files; empty for a dataset of advercity."""
         return ()
 
     def format_frame_name(self, index: int) -> str:
@@ -276,7 +276,7 @@ class Dataset(Sequence[FrameView]):
 
     Args:
         path: Folder of a dataset, or of one scenario.
-        layout: Layout of a folder of others, as of `open_dataset`.
+        layout: Layout of a foreign folder, as for `open_dataset`.
 
     Raises:
         InputError: The folder holds no scenario.

@@ -120,7 +120,7 @@ class SharedScenario:
             self._remove_recorded(left)
 
     def _remove_recorded(self, records: Mapping[str, FileRecord]) -> list[str]:
-        """Delete the files with the content of their records, and return the paths of others."""
+        """Delete files with their recorded content, and return the paths of all others."""
         others: list[str] = []
         for path in sorted(records.keys() & set(self._list_files())):
             place = f"{self.spec.id}/{path}"
@@ -168,7 +168,7 @@ class SharedScenario:
         self._remove_parts()
 
     def _remove_parts(self) -> None:
-        """Delete the manifests of parts, and their folder unless it has files of others."""
+        """Delete the manifests of parts, and their folder unless it has foreign files."""
         for path in _list_parts(self.store, self.spec.id):
             self.store.remove(path)
         folder = _format_parts_folder(self.spec.id)

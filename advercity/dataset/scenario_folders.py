@@ -31,7 +31,7 @@ def find_scenarios(dataset: Path) -> list[Path]:
 
     Raises:
         InputError: The folder holds no scenario.
-        RunError: It, or a folder in it, which may be one, may not be read.
+        RunError: The folder, or one in it, may not be read.
     """
     # `Path` has turned `//` into `/`; a single letter before the colon is a drive of Windows.
     if re.match(r"[a-z0-9+]{2,}:/", str(dataset)):

@@ -1,1 +1,1 @@
-"""Datasets in the formats of others: `advercity export`."""
+"""Exports of datasets to other formats: `advercity export`."""

@@ -384,7 +384,7 @@ def _describe_crowds(shot: Shot, annotated: set[int]) -> Iterator[Json]:
 
 
 def _guess_category(tags: NDArray[np.uint8]) -> int:
-    """Guess the category of an actor of which only the tags (n,) of its pixels are known."""
+    """Guess the category of an actor from the tags (n,) of its pixels."""
     on_foot = np.bincount(tags).argmax() == Semantic.PEDESTRIAN
     return CATEGORIES["pedestrian" if on_foot else "car"][0]
 

@@ -256,7 +256,7 @@ class ExportFolder:
                 )
 
     def _check_places(self, paths: Collection[str]) -> None:
-        """Refuse to write where folders of others are files of the export, or the reverse."""
+        """Refuse to write a file in place of a foreign folder, or the reverse."""
         for path in map(self.path.joinpath, paths):
             if path.is_dir() and not path.is_symlink():
                 raise RunError(

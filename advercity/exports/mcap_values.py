@@ -17,7 +17,7 @@ from advercity.sensors.measurements import GnssFix, GnssSolution
 
 @dataclass(frozen=True)
 class Stamp:
-    """When and in which frame something was measured."""
+    """Time and frame of a measurement."""
 
     time_ns: int
     frame: str

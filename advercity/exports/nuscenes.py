@@ -3,7 +3,7 @@
 v1.0-trainval/*.json      the tables, splits.json, and cooperation.json: who saw an object when
 samples/CAM_FRONT/*.png   key frames of a sensor; LiDARs .pcd.bin, radars .pcd
 sweeps/CAM_FRONT/*.png    the frames between
-maps/*.png                where there are lanes and sidewalks, 0.1 m a pixel
+maps/*.png                masks of lanes and sidewalks, 0.1 m a pixel
 """
 
 import cv2
@@ -124,7 +124,7 @@ def _encode_records(table: NDArray[np.void]) -> bytes:
 
 
 def _write_map(road: Road, files: PieceFiles) -> None:
-    """Write the mask of a road: 255 where there are lanes, sidewalks and crossings."""
+    """Write the mask of a road: 255 on lanes, sidewalks and crossings."""
     extent = MapExtent.from_road(road)
     image = np.zeros((extent.height_px, extent.width_px), np.uint8)
     shift = 4

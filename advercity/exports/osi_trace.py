@@ -209,7 +209,7 @@ class TruthBuilder:
         shown.indicator_state = getattr(lights, f"INDICATOR_STATE_{name}")
 
     def _couple(self, item: Any, trailer: int) -> None:
-        """Say of a tractor unit which semi-trailer it tows."""
+        """Link a tractor unit to its semi-trailer."""
         shown = item.vehicle_classification
         kinds = self._objects.MovingObject.VehicleClassification
         shown.type, shown.has_trailer = getattr(kinds, TRACTOR_TYPE), True

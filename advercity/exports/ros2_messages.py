@@ -73,7 +73,7 @@ def format_definition(name: str) -> str:
 
 
 def _list_parts(name: str) -> Iterator[str]:
-    """List the messages of which a message is made, at any depth."""
+    """List the messages inside a message, at any depth."""
     for line in DEFINITIONS[name].splitlines():
         kind = line.split()[0].split("[")[0]
         if kind in DEFINITIONS:

@@ -51,7 +51,7 @@ def _join_lines(plan: Element) -> None:
 
 
 def _goes_on(line: Element, other: Element) -> bool:
-    """Return whether a line goes on in another one."""
+    """Return whether a line continues in another one."""
     x, y, heading, length = _read(line, "x", "y", "hdg", "length").tolist()
     other_x, other_y, other_heading = _read(other, "x", "y", "hdg").tolist()
     end = x + length * math.cos(heading), y + length * math.sin(heading)

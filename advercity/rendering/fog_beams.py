@@ -144,7 +144,7 @@ def _draw_rays(
 ) -> tuple[Float64Array, Float64Array]:
     """Draw unit rays (n, 3) in proportion to a beam's light, and the lumens (n,) of each.
 
-    Of a peak of one candela; the axis is level along x but for its tilt.
+    The peak is one candela; the axis is along x, tilted from the horizontal.
     """
     h = np.arange(-BEAM_HALF_WIDTH_RAD, BEAM_HALF_WIDTH_RAD, STEP_HORIZONTAL_RAD)
     v = np.arange(BEAM_BOTTOM_RAD, BEAM_TOP_RAD, STEP_VERTICAL_RAD)

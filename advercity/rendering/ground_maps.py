@@ -41,7 +41,7 @@ SHELTER_TEXEL_M, SHELTER_MAX_TEXELS = 0.5, 1536
 FOLIAGE_SHELTER_FRACTION = 0.6
 """Fraction of falling snow kept off by leaves; everything else keeps off all."""
 NO_SURFACE_M = -1e3
-"""Height of the uppermost surface where there is none."""
+"""Height for places without a surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +160,7 @@ def _average_by_texel(
 
 
 def _map_greatest(index: NDArray[np.int64], values: Float64Array, size: int) -> Float64Array:
-    """Map the greatest of the values (n,) of each texel (size,); 0 where there are none."""
+    """Map the greatest of the values (n,) of each texel (size,); 0 in texels without values."""
     order = np.lexsort((values, index))
     last = np.append(np.flatnonzero(np.diff(index[order])), len(order) - 1)
     greatest = np.zeros(size)

@@ -91,7 +91,7 @@ def list_light_sources(world: World, frame: Frame) -> list[LightSource]:
 
 
 def _mirror_pattern(lamp: LightSource) -> LightSource:
-    """Return a lamp as traffic on the left has it."""
+    """Mirror a lamp for traffic on the left."""
     return replace(lamp, pattern=LEFT_HAND_PATTERNS.get(lamp.pattern, lamp.pattern))
 
 

@@ -210,7 +210,7 @@ class Raycaster:
         return self._rigid[shape]
 
     def _pose_people(self, wanted: Mapping[BodyShape, None]) -> None:
-        """Have a mesh in each of the poses of a frame, in their order, and in no others.
+        """Keep one mesh for each pose in a frame, in their order, and for no others.
 
         People have more poses than fit in memory, and most are in another in each frame: meshes
         move to the next pose of the same person, and meshes of absent people are freed.

@@ -42,7 +42,7 @@ _BORDER_M, _SINK_M = 0.3, 0.05
 
 @dataclass(frozen=True)
 class _Plant:
-    """Sizes of a plant in metres, but for the number of its leaves and of plants per metre."""
+    """Sizes of a plant in metres, its number of leaves, and plants per metre."""
 
     per_m: float
     stem_width: float

@@ -25,7 +25,7 @@ from advercity.semantics import Semantic
 MARGIN_M = 2.5
 """Distance from the lower street's paving to the abutments."""
 NEAR_M = 15.0
-"""Distance from where lanes cross in which a deck may end."""
+"""Greatest distance of a deck's end from the crossing of lanes."""
 SLAB_M, SLAB_PER_RISE = 0.9, 0.25
 """Thickness of a slab, and its largest part of the height over the lower street."""
 PARAPET_WIDTH_M, PARAPET_HEIGHT_M = 0.3, 1.1

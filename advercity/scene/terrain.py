@@ -62,7 +62,7 @@ class Cutting:
 
     Attributes:
         outline: Area of the deck, and a little beside it.
-        opening: Area around it in which edges of the lower street are looked for.
+        opening: Area around it for finding edges of the lower street.
         rim: Area of the deck with its abutments, along which the ground may have a step.
     """
 

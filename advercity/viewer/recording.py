@@ -113,7 +113,7 @@ def parse_viewer_address(address: str) -> tuple[str, tuple[str, int]]:
 
 
 def connect_viewer_sink(address: str) -> rr.GrpcSink:
-    """Connect to a running viewer at an address as `parse_viewer_address` has it.
+    """Connect to a running viewer at an address of `parse_viewer_address`.
 
     Raises:
         InputError: `address` is none.

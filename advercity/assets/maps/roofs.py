@@ -1,4 +1,4 @@
-"""Paints roofing, in courses of which each lies over the one below."""
+"""Paints roofing in overlapping courses."""
 
 import numpy as np
 

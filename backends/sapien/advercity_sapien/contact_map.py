@@ -18,7 +18,7 @@ from advercity_sapien.probe_grid import GROUND_CLASSES, select_static
 
 TEXEL_M, MAX_TEXELS = 0.2, 1536
 CLEARANCE_M = 0.6
-"""Gap below static things up to which they darken the ground."""
+"""Largest gap below static things that still darken the ground."""
 REACH_M = 2.0 * CLEARANCE_M
 STANDING_M = 0.01
 """Greatest depth under the ground of a standing thing's lower face."""

@@ -181,7 +181,7 @@ class LampLists:
     def _fraction_left(self, distance: FloatArray) -> FloatArray:
         """Compute the fraction (cells, n) of lamps' light left by fog at distances (cells, n).
 
-        As the shaders have it: street lamps lose nothing, and of a beam fog scatters a part down.
+        As in the shaders, street lamps lose no light, and fog scatters a part of a beam down.
         """
         left = np.exp(-DROPLETS.wide_fraction * self._extinction * distance)
         left += MAX_SCATTERED_FRACTION * (1.0 - left)
@@ -292,7 +292,7 @@ def _pack_lists(
 def _select_highest(score: FloatArray, most: int, above: float) -> Float32Array:
     """Select the columns (n, most) of the highest scores (n, lamps) of each row, then -1."""
     best = np.full((len(score), most), -1.0, dtype=np.float32)
-    # Most lamps are in no list, and a partition of nothing but ties is slow.
+    # Most lamps are in no list, and a partition of ties alone is slow.
     lamps = np.flatnonzero((score > above).any(axis=0))
     rows = np.flatnonzero((score > above).any(axis=1))
     score = score[np.ix_(rows, lamps)]

@@ -90,7 +90,7 @@ NO_PROBES = LightProbes(
 
 
 def bake_light_probes(world: World, atmosphere: Atmosphere) -> LightProbes:
-    """Bake the probes of a world by day and at dusk; in the dark they change nothing."""
+    """Bake the probes of a world by day and at dusk; in the dark they have no effect."""
     if atmosphere.is_dark or not world.lanes:
         return NO_PROBES
     raycaster = Raycaster(world)

@@ -46,7 +46,7 @@ class RasterBindings:
         body.set_property("hidden", int(hidden))
 
     def set_static_mesh(self, body: RenderBody, number: int) -> None:
-        """Set of which static mesh a body is a tile, 0 for none: tiles meet without an edge."""
+        """Set the static mesh of a tile, 0 for other bodies: tiles meet without an edge."""
         body.set_property("staticMesh", number)
 
     def upload_table(self, table: ShaderTable) -> None:

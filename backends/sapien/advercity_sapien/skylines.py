@@ -21,7 +21,7 @@ SKYLINE_LEVEL = 1
 AZIMUTHS, ELEVATIONS = 16, 8
 """Directions around a probe, the first to the east, and rays of each."""
 TOP_RAD = np.deg2rad(72.0)
-"""Elevation up to which rays look."""
+"""Highest elevation of rays."""
 TURNS = np.array([(-0.375, 0.125), (-0.125, -0.375), (0.125, 0.375), (0.375, -0.125)])
 """Fractions of a step by which the rays of the four probes of a square are turned and raised."""
 MAX_RANGE_M = 200.0
