@@ -128,7 +128,6 @@ def _build_fitted_body(blueprint_id: str, blueprint: Blueprint, store: ModelStor
 
 
 def _load_model_parts(path: Path, actor_class: ActorClass) -> list[MeshPart]:
-    """Load the parts of a converted model."""
     semantic = Semantic.PEDESTRIAN if actor_class == "pedestrian" else Semantic.VEHICLE
     parts = read_glb(path.read_bytes(), path.name)
     wheels = find_model_wheels(parts, has_steering=actor_class != "motorcycle")

@@ -89,7 +89,6 @@ def build_cabin(blueprint_id: str, space: CabinSpace) -> list[MeshPart]:
 
 
 def _open_top(surface: TriangleSurface) -> TriangleSurface:
-    """Drop the triangles at the upper end of a box."""
     height = surface.vertices[surface.triangles][..., 2].min(axis=1)
     return keep_triangles(surface, height < surface.vertices[:, 2].max())
 
@@ -135,7 +134,6 @@ def _line(surface: TriangleSurface, space: CabinSpace) -> TriangleSurface | None
 
 
 def _build_row(space: CabinSpace, x: float) -> Iterator[TriangleSurface]:
-    """Build two seats with head rests."""
     y, wide = 0.46 * space.half, min(0.25, 0.40 * space.half)
     seat = max(space.floor + 0.12, space.roof - _SEAT_BELOW_ROOF_M)
     back_top = space.roof - 0.42

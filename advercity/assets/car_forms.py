@@ -186,7 +186,6 @@ def _square(widths: Float64Array, form: CarForm) -> Float64Array:
 
 
 def _compute_stations(form: CarForm) -> Float64Array:
-    """Compute the stations of the columns."""
     bow = (1.0 - form.squareness / 2) * _END_BOW
     cowl, header, back, foot = form.cabin
     ahead = np.minimum(np.array([0.11, 0.185]), np.array([0.45, 0.8]) * cowl)
@@ -213,7 +212,6 @@ def _compute_stations(form: CarForm) -> Float64Array:
 
 
 def _compute_centre_line(form: CarForm) -> list[float]:
-    """Compute the heights of the centre line at the columns."""
     front, middle, rear = form.bonnet
     first, peak, last = form.roof
     screen = 0.5 * (rear + first) + 0.012

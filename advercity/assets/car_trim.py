@@ -62,7 +62,6 @@ def _build_plates(blueprint_id: str, body: CarSurface) -> list[MeshPart]:
 
 
 def _build_grille(body: CarSurface) -> list[MeshPart]:
-    """Build the bars of the grille, its frame and the badges."""
     across = np.linspace(0.0, 1.08, 5)
     rows = body.form.grille_rows
     bars = [_trace(body, across, np.full(5, v), 0.014, 0.006) for v in np.linspace(*rows, 5)[1:-1]]
@@ -117,7 +116,6 @@ def _build_cab_trim(body: CarSurface, width: float) -> list[MeshPart]:
 
 
 def _build_visor(body: CarSurface) -> TriangleSurface:
-    """Build the visor over the windscreen."""
     v = np.linspace(7.6, CENTRE, 5)
     edge = body.locate(np.full(5, HEADER - 0.05), v)
     across = np.concatenate([edge, edge[-2::-1] * (1, -1, 1)])
@@ -126,7 +124,6 @@ def _build_visor(body: CarSurface) -> TriangleSurface:
 
 
 def _build_gaps(body: CarSurface) -> list[MeshPart]:
-    """Build the gaps around doors, bonnet, boot lid and bumpers."""
     form = body.form
     ahead, pillar, behind = _list_door_edges(body)
     flank = np.linspace(1.5, 6.0, 7)
@@ -170,7 +167,6 @@ def _list_door_edges(body: CarSurface) -> tuple[float, float, float]:
 
 
 def _build_handles(body: CarSurface) -> list[MeshPart]:
-    """Build the handles of the doors."""
     handles: list[TriangleSurface] = []
     for edge in _list_door_edges(body)[1:]:
         (place,) = body.locate(edge, [4.75])
@@ -190,7 +186,6 @@ def _build_wipers(body: CarSurface) -> list[MeshPart]:
 
 
 def _build_roof_rails(body: CarSurface) -> list[MeshPart]:
-    """Build rails along the edges of the roof."""
     u = np.array([HEADER + 0.35, HEADER + 0.6, 11.0, 12.3, 12.6])
     lift = np.array([0.0, 0.035, 0.04, 0.035, 0.0])[:, None] * (0, 0, 1)
     rail = tube(body.locate(u, np.full(5, 7.9)) + lift, 0.018, sides=6)

@@ -122,7 +122,6 @@ def _build_shell(body: CarSurface) -> list[MeshPart]:
 
 
 def _measure_cabin(body: CarSurface) -> CabinSpace:
-    """Measure the room behind the windows."""
     (foot,), (rear,), (pillar,) = (body.locate(u, [6.0]) for u in (COWL, REAR_FOOT - 0.4, 11.0))
     (roof,) = body.locate(11.0, [10.0])
     is_van = not all(body.form.side_windows)

@@ -169,7 +169,6 @@ def _scale_to_size(parts: Sequence[ModelPart], model: BodyModel, size: Size) -> 
 
 
 def _group_by_material(parts: Sequence[ModelPart], model: BodyModel, size: Size) -> list[ModelPart]:
-    """Group triangles into one part for each material of the table."""
     groups: dict[str, list[ModelPart]] = {}
     for part in parts:
         kinds = _classify_triangles(part, model, size)
@@ -194,7 +193,6 @@ def _classify_triangles(part: ModelPart, model: BodyModel, size: Size) -> NDArra
 
 
 def _weld_parts(material: str, parts: Sequence[ModelPart]) -> ModelPart:
-    """Join parts into one, and merge coincident vertices."""
     corners = np.concatenate([part.vertices[part.triangles] for part in parts]).reshape(-1, 3)
     cell = WELD_FRACTION * np.ptp(corners, axis=0).max() + 1e-6
     grid = np.round(corners / cell).astype(np.int64)

@@ -112,7 +112,6 @@ def get_used_vertices(part: ModelPart) -> Float64Array:
 
 
 def _split_connected(part: ModelPart) -> list[ModelPart]:
-    """Split a part into its connected components."""
     corners = part.vertices[part.triangles].reshape(-1, 3)
     grid = np.round(corners / WELD_M).astype(np.int64)
     _, index = np.unique(grid, axis=0, return_inverse=True)

@@ -96,7 +96,6 @@ def _check_is_replaceable(folder: Path) -> None:
 
 
 def _list_unchanged_files(folder: Path) -> list[str]:
-    """List the names of unchanged unpacked files."""
     unchanged: list[str] = []
     for name, digest in _read_digests(folder).items():
         with suppress(OSError):  # gone, or a link or folder

@@ -162,7 +162,6 @@ def _make_figure(person: RiggedPerson) -> Figure:
 
 
 def _skin_shells(shells: Iterable[tuple[Shell, str]]) -> list[SkinnedSurface]:
-    """Give shells smooth normals."""
     return [
         SkinnedSurface(
             TriangleSurface(shell.vertices, shell.triangles, shell.compute_normals()),

@@ -131,13 +131,11 @@ def _build_pump_bay(rear: float, half: float, top: float) -> list[MeshPart]:
 
 
 def _build_beacons(rear: float, half: float, z: float) -> list[TriangleSurface]:
-    """Build two beacons at the rear corners of a roof."""
     corner = (rear + 0.2, half - 0.2)
     return [add_mirror_image(tube([(*corner, z), (*corner, z + 0.2)], 0.09, sides=10))]
 
 
 def _build_slats(rear: float, bay: float, half: float, top: float) -> list[TriangleSurface]:
-    """Build the shadow lines between the slats of roller shutters."""
     heights = np.linspace(1.1, top - 0.1, 9)
     middles = rear + 0.03 + bay * (np.arange(4) + 0.5)
     places = [(x, half + 0.017, z) for x in middles for z in heights]

@@ -389,7 +389,6 @@ def _build_exhaust(rear: Float64Array) -> list[MeshPart]:
 
 
 def _build_mirrors(grip: Float64Array) -> list[MeshPart]:
-    """Build two round mirrors on stems at the grips."""
     middle = grip + xyz(0.05, -0.06, 0.16)
     stem = tube([grip + xyz(0.03, -0.1, 0.0), middle], 0.008, sides=4)
     mirror = ellipsoid(middle, (0.015, 0.055, 0.045), sides=6, bands=3)

@@ -51,7 +51,6 @@ class Boxes:
     towed_by: NDArray[np.int64]
 
     def __len__(self) -> int:
-        """Return the number of objects."""
         return len(self.ids)
 
     def steady(self, sizes: Mapping[int, Sequence[float]]) -> Boxes:

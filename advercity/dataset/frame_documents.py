@@ -64,7 +64,6 @@ def build_frame_description(
 
 
 def _merge(entries: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """Merge entries of sensors, by their keys."""
     return {key: value for one in entries for key, value in one.items()}
 
 

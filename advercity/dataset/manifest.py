@@ -229,7 +229,6 @@ class Manifest(Model):
 
     @model_validator(mode="after")
     def _check_frames(self) -> Self:
-        """Refuse frames beyond the end of the scenario."""
         for path, record in self.files.items():
             if record.frame is not None and record.frame >= self.length:
                 raise ValueError(f"{path} is of frame {record.frame} of {self.length}")
@@ -315,7 +314,6 @@ def _list_sensor_packages(spec: Spec) -> set[str]:
 
 
 def _format_first_error(error: ValidationError) -> str:
-    """Describe the first wrong field, by its path."""
     first = error.errors(include_url=False, include_input=False)[0]
     where = ".".join(map(str, first["loc"]))
     return f"{where}: {first['msg']}" if where else first["msg"]

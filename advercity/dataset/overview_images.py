@@ -164,7 +164,6 @@ def _to_top_view_pixels(points: Float64Array, middle: Float64Array, size: int) -
 
 
 def _find_largest_shape(images: Sequence[Uint8Array]) -> tuple[int, int]:
-    """Find the largest height and the largest width."""
     return max(len(image) for image in images), max(image.shape[1] for image in images)
 
 

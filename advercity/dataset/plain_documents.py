@@ -46,7 +46,6 @@ def format_json(document: dict[str, Any]) -> bytes:
 
 
 def _append_lines(lines: list[str], value: Any, indent: str) -> None:
-    """Append the lines of a multi-line mapping or list."""
     if isinstance(value, Mapping):
         for key, item in value.items():
             if _is_one_line(item):

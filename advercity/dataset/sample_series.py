@@ -30,7 +30,6 @@ class SampleSeries:
     values: Mapping[str, NDArray[Any]]
 
     def __len__(self) -> int:
-        """Return the number of samples."""
         return len(self.times_s)
 
     def nearest(self, times_s: ArrayLike) -> dict[str, NDArray[Any]]:

@@ -253,7 +253,6 @@ class ScenarioWriter(FrameWriter):
             replace_file(self.scenario, path, content)
 
     def _clear(self, found: Manifest) -> None:
-        """Delete files written by runs, according to the last manifest."""
         names = found.frame_file_names
         check_folders_are_no_links(self.scenario, names.folders)
         own = list_matching_files(

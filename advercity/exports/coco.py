@@ -183,7 +183,6 @@ def _iterate_shots(dataset: Dataset, files: PieceFiles) -> Iterator[Shot]:
 
 
 def _write_instances(dataset: Dataset, files: PieceFiles) -> None:
-    """Write boxes and masks."""
 
     def list_rows() -> Iterator[Json]:
         number = 1
@@ -196,7 +195,6 @@ def _write_instances(dataset: Dataset, files: PieceFiles) -> None:
 
 
 def _write_panoptic(dataset: Dataset, files: PieceFiles) -> None:
-    """Write the segments of the panoptic images."""
     things = [{**thing, "isthing": 1} for thing in _list_things()]
     stuff: list[Json] = [
         {
@@ -222,7 +220,6 @@ def _write_panoptic(dataset: Dataset, files: PieceFiles) -> None:
 
 
 def _list_things() -> list[Json]:
-    """List the categories of objects, by id."""
     things = {number: (name, group) for number, name, group in CATEGORIES.values()}
     return [
         {"id": number, "name": name, "supercategory": group}

@@ -172,7 +172,6 @@ def _list_object_values(frame: FrameView, view: AgentView, boxes: Boxes, row: in
 
 
 def _describe(dataset: Dataset, tables: dict[str, FileRecord]) -> dict[str, Any]:
-    """Describe the tables in Croissant 1.0."""
     names = [one.path.name for one in dataset.scenarios]
     return {
         "@context": CONTEXT,

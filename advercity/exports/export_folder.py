@@ -153,7 +153,6 @@ class ExportFolder:
 
     @property
     def _has_begun(self) -> bool:
-        """Whether the folder has, or had, files of an export."""
         return self._former is not None or bool(self._done) or self._is_moving
 
     def write_piece(

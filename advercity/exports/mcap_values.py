@@ -77,7 +77,6 @@ class PositionCovariance:
 
 
 def _to_covariance(east_m: float, north_m: float, up_m: float, *, kind: int) -> PositionCovariance:
-    """Convert standard deviations."""
     return PositionCovariance(np.diag([east_m**2, north_m**2, up_m**2]).ravel().tolist(), kind)
 
 

@@ -90,8 +90,6 @@ def format_scenario(spec: Spec, traffic: TrafficResult) -> bytes:
 
 
 class _ScenarioWriter:
-    """Builds the document of one scenario."""
-
     def __init__(self, spec: Spec, traffic: TrafficResult) -> None:
         self._xosc = load_library("scenariogeneration.xosc", "openscenario")
         self._spec, self._trace = spec, traffic.trace

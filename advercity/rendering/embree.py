@@ -246,8 +246,6 @@ class _RayPackets:
 
 
 class _IntersectArguments(ctypes.Structure):
-    """RTCIntersectArguments."""
-
     _fields_ = (
         ("flags", c_uint),
         ("feature_mask", c_uint),
@@ -269,7 +267,6 @@ _SINGLE_POINTER_FUNCTIONS = (
 
 @cache
 def _load_embree() -> Any:
-    """Load Embree and declare its functions used here."""
     # embreex's extension module is linked to Embree, so its handle finds Embree's symbols too.
     # PyDLL keeps the interpreter lock: calls are shorter than releasing and taking it again.
     embree = ctypes.PyDLL(embreex_scene.__file__)

@@ -182,7 +182,6 @@ def _place_lots_along_street(
 def _generate_row(
     length_m: float, pattern: LotPattern, spacing_m: float | None, draw: np.random.Generator
 ) -> Iterator[tuple[float, float]]:
-    """Generate centres and widths of buildings along a row."""
     start = 0.0
     while start + (width := float(draw.uniform(*pattern.width_range_m))) <= length_m:
         yield start + width / 2, width

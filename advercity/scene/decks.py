@@ -159,7 +159,6 @@ def _build_deck(bands: LaneBands, found: Overpasses, is_own: NDArray[np.bool_]) 
 
 
 def _cut_edge(edge: Points, deck: Deck) -> list[Points]:
-    """Cut the part on a deck out of an edge."""
     line = shapely.LineString(edge)
     if not shapely.intersects(line, deck.plan):
         return [edge]

@@ -407,7 +407,6 @@ def _fill_doors(
 def _build_doors(
     centres: Float64Array, half: Float64Array, storey: Storey, _: np.random.Generator
 ) -> SurfaceMaterials:
-    """Build wooden doors with a light above each."""
     across, light = (storey.width_m / 2 - FRAME_M, 0, 0), half * 0.16
     return [
         (rectangles(centres - light, across, half - light), "wood"),
@@ -433,7 +432,6 @@ def _build_glass_doors(
 
 
 def _build_gate_ribs(centres: Float64Array, half: Float64Array, width_m: float) -> TriangleSurface:
-    """Build the ribs between the panels of rolling gates."""
     ribs = [
         box((x - width_m / 2, y - 0.03, z + at), (x + width_m / 2, y, z + at + 0.06))
         for (x, y, z), (*_, rise) in zip(centres, half, strict=True)

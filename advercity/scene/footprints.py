@@ -259,7 +259,6 @@ def _build_roof(
 
 
 def _build_flat_roof(footprint: shapely.Polygon, eaves_m: float) -> SurfaceMaterials:
-    """Build a flat roof with a parapet."""
     inside = shapely.buffer(footprint, -PARAPET_WIDTH_M, join_style="mitre")
     top_m = eaves_m + PARAPET_M
     parts = [_build_band(_exterior(footprint), eaves_m, top_m), *_build_deck(footprint, eaves_m)]
@@ -313,7 +312,6 @@ def _exterior(polygon: shapely.Polygon) -> Float64Array:
 
 
 def _build_deck(area: BaseGeometry, z_m: float) -> list[TriangleSurface]:
-    """Build level areas visible from above."""
     found = [triangulate_polygon(polygon) for polygon in extract_polygons(area)]
     return [
         TriangleSurface(np.column_stack([corners, np.full(len(corners), z_m)]), triangles)

@@ -97,7 +97,6 @@ def _find_places(
 def _outline(
     shape: FurnitureShape, side: StreetSide, along_m: float, place: Float64Array
 ) -> shapely.Polygon:
-    """Compute the footprint of a piece."""
     yaw = side.yaw(along_m)
     ahead, aside = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
     deep, wide = shape.half_m

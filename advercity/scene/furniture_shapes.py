@@ -185,7 +185,6 @@ def _build_barrier(
 
 
 def _build_cone() -> list[tuple[TriangleSurface, str]]:
-    """Build a cone of 0.75 m with two reflecting bands."""
     heights = np.array([0.03, 0.30, 0.42, 0.54, 0.62, 0.75])
     radii = 0.15 - 0.16 * heights
     pieces = [

@@ -78,7 +78,6 @@ def _build_lit_windows(
 
 
 def _build_bands(x: float, y: float, floors: int) -> TriangleSurface:
-    """Build a band of windows for every floor of every side."""
     z = FLOOR_M * (np.arange(floors) + _BAND_AT)
     bands = [
         move_surface(

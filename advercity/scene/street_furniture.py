@@ -131,7 +131,6 @@ def _place_head(head: TrafficLight, parts: Sequence[tuple[TriangleSurface, str]]
 
 
 def _build_vehicle_head() -> list[tuple[TriangleSurface, str]]:
-    """Build a head of three lenses with its backplate."""
     shape = SIGNAL_HEADS["vehicles"]
     face = shape.face_m
     lenses = [

@@ -147,8 +147,6 @@ def _find_sensor_clearances(network: RoadNetwork) -> list[BaseGeometry]:
 
 
 class _PlacedSurrounding:
-    """A declaration with its parts of streets."""
-
     def __init__(self, network: RoadNetwork, number: int, declaration: Surrounding) -> None:
         road = network.declaration
         self.declaration = declaration

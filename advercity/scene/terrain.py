@@ -278,7 +278,6 @@ def _triangulate_boxes(boxes: NDArray[np.object_]) -> tuple[Points, NDArray[np.i
 
 
 def _split_cells(cells: NDArray[np.object_], outline: BaseGeometry) -> NDArray[np.object_]:
-    """Cut the cells crossed by an outline."""
     shapely.prepare(outline)
     passed = shapely.intersects(cells, outline) & ~shapely.contains_properly(outline, cells)
     parts = [

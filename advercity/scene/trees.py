@@ -223,7 +223,6 @@ def _build_stem(crown: _Crown) -> TriangleSurface:
 
 
 def _find_top(crown: _Crown) -> float:
-    """Find how high the trunk reaches into the crown."""
     return max(z + 0.4 * rise for *_, z, _, rise in crown.blobs)
 
 

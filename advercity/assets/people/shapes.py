@@ -40,7 +40,6 @@ def shape_person(base: BaseMesh, person: PersonShape) -> Float64Array:
 
 
 def _iterate_targets(person: PersonShape) -> Iterator[tuple[str, float]]:
-    """Iterate over targets with their fractions."""
     ages = _interpolate(_AGES, person.age_years)
     muscles, weights = _interpolate(_MUSCLES, person.muscle), _interpolate(_WEIGHTS, person.weight)
     for age, of_age in ages.items():

@@ -142,7 +142,6 @@ class SapienRenderer:
         return NO_PROBES if self._is_ray_traced else bake_light_probes(self._world, atmosphere)
 
     def _build_light_maps(self, atmosphere: Atmosphere) -> SceneTexels:
-        """Build the textures derived from light."""
         return {
             "Sky": build_sky_texture(atmosphere),
             "Airlight": build_airlight_texture(atmosphere),
@@ -198,7 +197,6 @@ class SapienRenderer:
         yield self._to_capture(self._fetch_images())
 
     def _start_render(self, view: CameraView) -> None:
-        """Start to render an image on the device."""
         self._discard_pending()
         camera = self._configure_camera(view)
         self._sun_shadow.update(view)

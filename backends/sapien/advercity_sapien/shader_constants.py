@@ -120,7 +120,6 @@ def _join(title: str, lines: Iterator[str]) -> str:
 
 
 def _format_constants() -> Iterator[str]:
-    """Lines of GLSL defining the shared constants."""
     yield from _format_integers("TEXTURE", {item.name: item.value for item in Texture})
     yield from _format_integers("LAMP", {item.name: item.value for item in LampPattern})
     yield from _format_integers("LENS", {item.name: item.value for item in LensKind})
