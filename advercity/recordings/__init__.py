@@ -1,5 +1,5 @@
-"""Recorded trajectories of others: tables and scenarios that are read, and the table they become.
+"""Foreign recordings: readers of tables and scenarios, and advercity's own table.
 
-`track_file` has the table that a road names and a spec contains; `recorded_tables` and
-`openscenario` read what others wrote.
+`track_file` has a road's table, also for specs; `recorded_tables` and `openscenario` read foreign
+files.
 """

@@ -8,7 +8,7 @@ from advercity.errors import InputError
 from advercity.randomness import create_generator
 
 EQUAL_M = 0.1
-"""Sums of differences in size that are taken for equal, so that not all have one body."""
+"""Tolerance for equal sums of differences in size: not all may have one body."""
 
 
 def select_blueprint(
@@ -17,12 +17,12 @@ def select_blueprint(
     size: tuple[float, float, float],
     *key: int | str,
 ) -> str:
-    """Select the blueprint of a class whose size is nearest; of several, one is drawn.
+    """Select the blueprint of a class with the nearest size; of several, draw one.
 
     Args:
         blueprints: Blueprints by name.
-        actor_class: Class that it must have.
-        size: Length, width and height in metres; 0 where the recording does not say.
+        actor_class: Its class.
+        size: Length, width and height in metres; 0 if unknown.
         key: Key of the random stream.
 
     Raises:
@@ -47,6 +47,6 @@ def select_blueprint(
 
 
 def compute_misfit(blueprint: Blueprint, size: tuple[float, float, float]) -> float:
-    """Sum the differences in metres between a blueprint and a size, where that is known."""
+    """Sum the differences in metres between a blueprint and the known parts of a size."""
     pairs = zip(blueprint.size, size, strict=True)
     return sum(abs(have - want) for have, want in pairs if want > 0)

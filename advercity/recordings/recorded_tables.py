@@ -1,4 +1,4 @@
-"""Trajectories in the column layouts that recordings are published in.
+"""Trajectories in the column layouts of published recordings.
 
 Own layout: `id`, `class`, `time_s`, `x_m`, `y_m`, `heading_deg`, `length_m`, `width_m`, `height_m`.
 
@@ -7,7 +7,7 @@ al., The inD Dataset, IV 2020). Place and heading (degrees, counter-clockwise) a
 
 highD: files of the same names (Krajewski et al., The highD Dataset, ITSC 2018). A place is the
 upper left corner of the box in the image, y down, and `width` is the length of the vehicle,
-`height` its width. The heading is that of the motion.
+`height` its width. The heading follows the motion.
 
 INTERACTION: `vehicle_tracks_NNN.csv` and `pedestrian_tracks_NNN.csv` (Zhan et al.,
 arXiv:1910.03088). Heading is in radians, counter-clockwise; people and bicycles have none.
@@ -59,27 +59,27 @@ CLASSES: Mapping[str, ActorClass] = {
 ID_PATTERN = r"[A-Za-z0-9_.:-]{1,64}"
 """What a road may call a track, `TrackId`."""
 MAX_TIME_S = 1e6
-"""Latest time that a road can name, `RecordedTime`."""
+"""Latest time for a road, `RecordedTime`."""
 PEDESTRIAN_OR_BICYCLE = "pedestrian/bicycle"
 """What INTERACTION calls both."""
 MAX_WALKING_SPEED_M_S = 3.0
-"""One of them that is faster at any time rides a bicycle."""
+"""A walker faster than this at any time rides a bicycle."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Rows of a table, before they are sorted by track.
+    """Rows of a table, not yet sorted by track.
 
     Attributes:
         table: The table.
         ids: Track of every row.
-        classes: Class of every row, as the recording calls it.
+        classes: Class of every row, by the recording's name.
         times_s: (n,).
         places: (n, 2).
-        headings_rad: (n,) NaN where there is none.
-        sizes: (n, 3) 0 where there is none.
+        headings_rad: (n,) NaN without one.
+        sizes: (n, 3) 0 without one.
         columns: Names of the columns of id, class, time and x, for messages.
-        at_rest_rad: Heading by track of what never moves, where there is none; 0 if not given.
+        at_rest_rad: Heading by track without motion and heading; 0 if not given.
     """
 
     table: Table
@@ -99,9 +99,9 @@ class Layout:
 
     Attributes:
         name: Its name, also that of its row in the table of columns.
-        marks: Columns that tell it from the others.
-        columns: Columns that it must have.
-        read: Reads a table of it.
+        marks: Columns missing in the other layouts.
+        columns: Required columns.
+        read: Reads a table in this layout.
     """
 
     name: str
@@ -111,11 +111,11 @@ class Layout:
 
 
 def read_recording(path: Path, ledger: Ledger | None = None) -> list[Track]:
-    """Read the tracks of a table, in the order in which it names them first.
+    """Read the tracks of a table, in the order of their first rows.
 
     Args:
         path: The table.
-        ledger: Takes the columns that are left out.
+        ledger: Record of omitted columns.
 
     Raises:
         InputError: It is of no known layout, or a row cannot be used.

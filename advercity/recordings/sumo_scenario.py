@@ -1,4 +1,4 @@
-"""SUMO scenarios of others: what of a configuration and its files SUMO may read here.
+"""Foreign SUMO scenarios: the parts of a configuration and its files safe for SUMO.
 
 A configuration names files to write, programs to wait for and files to read. Only options and
 elements of `foreign/tables/sumo_scenario.yaml` pass, in copies without names of files.
@@ -34,24 +34,24 @@ SYNONYMS = {
     **{"b": "begin", "e": "end"},
 }
 PLAIN_VALUE = re.compile(r"[A-Za-z0-9_.,:+ -]{0,200}")
-"""Values of options that name no file."""
+"""Values of options without a file name."""
 GZIP_MAGIC = b"\x1f\x8b"
 LANE_CHANGE_S = 3.0
-"""Time that a change of lanes takes where the scenario has it take none."""
+"""Time of a change of lanes if the scenario has it instant."""
 NETWORK_COPY = "town.net.xml"
 
 
 @dataclass(frozen=True, eq=False)
 class SumoScenario:
-    """A scenario whose documents SUMO can read safely.
+    """A scenario with documents safe for SUMO.
 
     Attributes:
-        network: Content of its network as it was published.
-        options: Options of SUMO by name, without those that name files or times.
+        network: Published content of its network.
+        options: Options of SUMO by name, without files and times.
         routes: Documents of routes and vehicle types.
         additional: Documents of lights, stops and the like.
-        begin_s: Time at which the simulation begins.
-        end_s: Time at which it ends; None if it does with its last vehicle.
+        begin_s: Begin of the simulation.
+        end_s: End of the simulation; None if it ends with its last vehicle.
     """
 
     network: bytes
@@ -76,14 +76,14 @@ class SumoScenario:
 
 
 def read_sumo_scenario(path: Path, ledger: Ledger) -> SumoScenario:
-    """Read a configuration (`*.sumocfg`) and the files that it names.
+    """Read a configuration (`*.sumocfg`) and its files.
 
     Args:
         path: The configuration.
-        ledger: Where to record what is left out.
+        ledger: Record of omissions.
 
     Raises:
-        InputError: A file is missing or damaged, or something of it is refused.
+        InputError: A file is missing or damaged, or a part of it is refused.
     """
     root = _parse_file(path, path.name)
     if root.tag not in ("configuration", "sumoConfiguration"):
@@ -123,7 +123,7 @@ def read_sumo_scenario(path: Path, ledger: Ledger) -> SumoScenario:
 
 
 def _read_options(root: Element, path: Path, ledger: Ledger) -> dict[str, str]:
-    """Read the options of a configuration that have an effect here."""
+    """Read the options of a configuration with an effect here."""
     found: dict[str, str] = {}
     for item in root.iter():
         value = item.get("value", item.get("v"))
@@ -175,7 +175,7 @@ def _find_seconds(text: str) -> float | None:
 
 
 def _read_document(folder: Path, name: str, ledger: Ledger) -> Element:
-    """Read a file of routes or additional elements, without what is not read here."""
+    """Read a file of routes or additional elements, without unsupported parts."""
     root = _parse_raw(_read_file(folder, name), name)
     copy = Element(root.tag)
     _list_unsorted(root, ledger)
@@ -187,7 +187,7 @@ def _read_document(folder: Path, name: str, ledger: Ledger) -> Element:
 
 
 def _list_unsorted(root: Element, ledger: Ledger) -> None:
-    """List those that depart before one above them, which SUMO ignores."""
+    """List elements with a departure before one above them, which SUMO ignores."""
     latest_s = -np.inf
     for item in root:
         departs = item.get("depart", item.get("begin", "")) if item.tag in DEPARTING else ""
@@ -228,7 +228,7 @@ def _copy_attributes(item: Element, ledger: Ledger) -> dict[str, str]:
 
 
 def _copy_network(root: Element) -> Element:
-    """Copy the elements and attributes of a network that its standard has, and no parameters."""
+    """Copy the elements and attributes of a network in its standard, and no parameters."""
     standard = load_standard("sumo_network")
 
     def copy(item: Element, tags: tuple[str, ...]) -> Iterator[Element]:
@@ -250,7 +250,7 @@ def _is_known_parameter(key: str) -> bool:
 
 
 def _find_row(table: str, name: str) -> str | None:
-    """Find the disposition of a name by the longest pattern that fits."""
+    """Find the disposition of a name by the longest matching pattern."""
     rows: Mapping[str, str] = _load_table()[table]
     fitting = (pattern for pattern in rows if fnmatchcase(name, pattern))
     best = max(fitting, key=len, default=None)

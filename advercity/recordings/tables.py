@@ -31,7 +31,7 @@ class Table:
 
     Attributes:
         path: The file.
-        columns: Columns that were asked for and are there, blank where there is no value.
+        columns: Requested columns of the file, blank without a value.
         head: Names of all columns of the file.
         lines: Line of every row; none of a Parquet file, which has no lines.
         text: Content of a CSV file.
@@ -197,7 +197,7 @@ def parse_csv(
             for column, place in zip(columns, places, strict=True):
                 column.append(row[place].strip())
     except csv.Error as error:
-        # A quote that is not closed takes the lines below it for one value.
+        # An open quote takes the lines below it for one value.
         line = lines[ended].rstrip()
         place = ended + 1, line.rfind('"') + 1 if line.count('"') % 2 else 1
         message = f"is not CSV: {error}"

@@ -1,4 +1,4 @@
-"""The table of trajectories that a road names, and its form in a spec.
+"""A road's table of trajectories, and its form in a spec.
 
 It has the own layout of `recorded_tables`, every value given, in the frame of the road.
 """
@@ -27,7 +27,7 @@ from advercity.recordings.tracks import Track, cut_tracks
 
 MAX_PACKED_BYTES = 256_000_000
 MARGIN_S = 1.0
-"""Samples that are kept before and after the time that is taken, for smooth ends."""
+"""Time of extra samples before and after the taken time, for smooth ends."""
 SPEC_TABLE = Path("trajectories.tracks")
 """Name of the table of a spec in messages."""
 _HEAD = ",".join((*OWN_COLUMNS, *OWN_OPTIONAL))
@@ -51,18 +51,18 @@ def format_tracks(tracks: Iterable[Track]) -> str:
 def load_trajectories(
     declared: TrajectoryFile, folder: Path, origin_m: Point2 = (0.0, 0.0)
 ) -> tuple[TrajectorySet, dict[str, Track]]:
-    """Load what a road takes from its table, whose path is relative to a folder.
+    """Load a road's part of its table, whose path is relative to a folder.
 
     Args:
         declared: The table.
-        folder: Folder that its path is relative to.
+        folder: Base of its path.
         origin_m: The table's coordinates, east and north, of the world's origin.
 
     Returns:
-        What goes into the spec, and the tracks in it by id.
+        The set for the spec, and the tracks in it by id.
 
     Raises:
-        InputError: The table is missing or another one, or a row of it cannot be used.
+        InputError: The table is missing or another one, or a row is not valid.
     """
     name = Path(declared.file)
     if name.is_absolute():

@@ -1,4 +1,4 @@
-"""`Track`: where one recorded road user was, and the checks that every recording passes."""
+"""`Track`: the motion of one recorded road user, and the checks of every recording."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from advercity.errors import InputError
 
 MAX_GAP_S = 1.0
-"""Longest time between two samples that is interpolated."""
+"""Longest interpolated time between two samples."""
 MAX_SIZE_M = 50.0
 """Of a road user, in each direction."""
 MAX_SPEED_M_S = 100.0
@@ -72,7 +72,7 @@ class Track:
 
 
 class BadSampleError(InputError):
-    """A sample that cannot follow the one before.
+    """A sample impossible after the one before.
 
     Attributes:
         index: Index of the sample in its track.
@@ -87,7 +87,7 @@ class BadSampleError(InputError):
 
 
 def check_samples(times_s: NDArray[np.float64], places: NDArray[np.float64]) -> None:
-    """Check that samples (n,) and (n, 2), sorted by time, can be one motion.
+    """Check that samples (n,) and (n, 2), sorted by time, are a possible motion.
 
     Raises:
         BadSampleError: Two are of the same time, too far apart in time, or too far in space.
@@ -120,7 +120,7 @@ def derive_headings(
 ) -> NDArray[np.float64]:
     """Derive headings (n,) from the direction of motion; one at rest keeps the last.
 
-    One that has not moved yet has the heading with which it will; `at_rest_rad` if it never does.
+    Before its first motion it has the heading of this motion; `at_rest_rad` without any motion.
     """
     at_rest = np.full(len(times_s), at_rest_rad)
     if len(times_s) < 2:
@@ -137,7 +137,7 @@ def derive_headings(
 def find_connected(
     tracks: Sequence[Track], ego: Track, count: int, *, from_s: float, to_s: float
 ) -> list[Track]:
-    """Find the vehicles nearest to the ego on average that were recorded all the time.
+    """Find the vehicles recorded all the time and on average nearest to the ego.
 
     Args:
         tracks: All tracks.
@@ -168,5 +168,5 @@ def find_connected(
 
 
 def cut_tracks(tracks: Iterable[Track], from_s: float, to_s: float) -> list[Track]:
-    """Keep what tracks have in a time, and those that have something."""
+    """Cut tracks to a time, and keep the non-empty ones."""
     return [found for track in tracks if (found := track.cut(from_s, to_s)) is not None]

@@ -1,4 +1,4 @@
-"""Actions of OpenSCENARIO: what an element says becomes a function that begins it."""
+"""Actions of OpenSCENARIO: each element becomes a function to begin it."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -41,7 +41,7 @@ def parse_action(scope: Scope, element: Element) -> Action | None:
         None if it has no effect, which is recorded, or is refused.
     """
     kind = element
-    # Some actions are wrapped in up to three elements; the innermost one that is known counts.
+    # Some actions are wrapped in up to three elements; the innermost known one counts.
     while kind.tag not in ACTIONS and len(kind):
         kind = kind[0]
     if kind.tag not in ACTIONS:
@@ -154,7 +154,7 @@ def _parse_entity(scope: Scope, element: Element) -> Action | None:
 
 
 def _parse_value(scope: Scope, element: Element) -> Action | None:
-    """Parse an action that sets or changes a parameter or variable."""
+    """Parse an action on a parameter or variable."""
     name = scope.get(element, "parameterRef" if "parameterRef" in element.attrib else "variableRef")
     changed = next(iter(element), None)
     if changed is None:
@@ -177,7 +177,7 @@ def _parse_value(scope: Scope, element: Element) -> Action | None:
 
 
 def _parse_activation(scope: Scope, element: Element) -> Action | None:
-    """Refuse a controller that takes over; the default one keeps speed and lane."""
+    """Refuse a controller in charge; the default one keeps speed and lane."""
     flags = ("longitudinal", "lateral", "activateLongitudinal", "activateLateral")
     if any(scope.get_flag(element, name) for name in flags):
         hint = "record the motion that it makes as a trajectory"
@@ -187,7 +187,7 @@ def _parse_activation(scope: Scope, element: Element) -> Action | None:
 
 
 def _do_nothing(scope: Scope, element: Element) -> Action:
-    """Parse an action that moves nobody: its event begins and ends with nothing."""
+    """Parse an action without motion: its event begins and ends without effect."""
     return Action(element.tag, lambda mover, stage: None, is_private=False)
 
 
@@ -199,7 +199,7 @@ MOVES_NOBODY = (
     "InfrastructureAction",
     "SetMonitorAction",
 )
-"""Actions that are listed as left out."""
+"""Actions listed as left out."""
 ACTIONS: Mapping[str, Callable[[Scope, Element], Action | None]] = {
     "TeleportAction": _parse_teleport,
     "FollowTrajectoryAction": _parse_follow,
@@ -216,7 +216,7 @@ ACTIONS: Mapping[str, Callable[[Scope, Element], Action | None]] = {
     "AssignControllerAction": _parse_activation,
     **dict.fromkeys(MOVES_NOBODY, _do_nothing),
 }
-"""Parsers by element; what is not here is refused."""
+"""Parsers by element; others are refused."""
 
 
 def parse_actions(scope: Scope, elements: Sequence[Element]) -> tuple[Action, ...]:

@@ -1,4 +1,4 @@
-"""Entries of catalogues, which are files in folders that a scenario names."""
+"""Entries of catalogues: files in a scenario's folders."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Catalogues:
         self._catalogues: dict[str, Catalogue] | None = None
 
     def find(self, scope: Scope, reference: Element) -> tuple[Scope, Element] | None:
-        """Find the entry of a reference, with the parameters that it assigns.
+        """Find the entry of a reference, with its assigned parameters.
 
         Returns:
             The scope in the entry, and the entry; None, and a problem, if there is none.

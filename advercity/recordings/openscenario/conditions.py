@@ -1,4 +1,4 @@
-"""Conditions of OpenSCENARIO: what an element says becomes a function of the stage."""
+"""Conditions of OpenSCENARIO: each element becomes a function of the stage."""
 
 import math
 import operator
@@ -36,14 +36,14 @@ EDGES: Mapping[str, Callable[[bool, bool], bool]] = {
 
 @dataclass
 class Condition:
-    """A condition, what it was when it was last looked at, and what it was so long ago.
+    """A condition, its last value, and its values over the delay.
 
     Attributes:
         test: Whether it holds now.
-        edge: Whether it is fulfilled, by what it was and is.
-        delay_s: Time after which that counts.
-        times_s: Times at which it changes by itself.
-        before: Whether it held before it was first looked at; None if that is not known.
+        edge: Whether it is fulfilled, by its last and its present value.
+        delay_s: Time until the result counts.
+        times_s: Times of changes by itself.
+        before: Whether it held before the first test; None if unknown.
     """
 
     test: Test
@@ -71,7 +71,7 @@ class Condition:
         return due
 
     def reset(self) -> None:
-        """Forget what it was."""
+        """Forget earlier values."""
         self._last = None
         self._history.clear()
 
@@ -88,7 +88,7 @@ class Trigger:
         return any(all(group) for group in found)
 
     def reset(self) -> None:
-        """Forget what conditions were."""
+        """Forget earlier values of the conditions."""
         for group in self.groups:
             for item in group:
                 item.reset()
@@ -353,4 +353,4 @@ ENTITY_CONDITIONS: Mapping[str, Callable[[Scope, Element], EntityTest]] = {
     "TimeToCollisionCondition": _parse_collision_time,
     "EndOfRoadCondition": _parse_end_of_road,
 }
-"""Parsers by element; what is not here is refused."""
+"""Parsers by element; others are refused."""

@@ -33,7 +33,7 @@ class DistanceKind:
 
 
 def parse_distance_kind(scope: Scope, element: Element) -> DistanceKind:
-    """Parse the attributes that all conditions on distances have, of versions 1.0 to 1.3."""
+    """Parse the common attributes of conditions on distances, of versions 1.0 to 1.3."""
     is_along_route = scope.get_flag(element, "alongRoute")
     default = "longitudinal" if is_along_route or element.tag.startswith("Time") else EUCLIDEAN[0]
     frame = scope.get(element, "coordinateSystem", "road" if is_along_route else "entity")
@@ -108,7 +108,7 @@ def _build_shape(points: Complex) -> shapely.MultiPoint:
 
 
 def _measure_gap(own: Complex, theirs: Complex, kind: DistanceKind) -> float:
-    """Measure from what is nearest of one to what is nearest of the other, 0 where they overlap."""
+    """Measure the gap between the nearest points of both, 0 where they overlap."""
     mine, other = (
         (own.real, theirs.real) if kind.direction == "longitudinal" else (own.imag, theirs.imag)
     )

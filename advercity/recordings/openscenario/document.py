@@ -1,4 +1,4 @@
-"""Files of a scenario as XML, with the parameters that hold in each part, and what is wrong."""
+"""Files of a scenario as XML, with the parameters of each part, and the problems found."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -17,13 +17,13 @@ from advercity.recordings.openscenario.expressions import substitute
 
 @dataclass
 class Findings:
-    """What is known of all files of a scenario.
+    """Facts about all files of a scenario.
 
     Attributes:
         problems: The first problem of each element, by file, line and column.
-        ledger: What is left out.
+        ledger: Omitted parts.
         entities: Names of the entities, moved or not.
-        find_entry: Finds the entry of a catalogue that an element refers to.
+        find_entry: Finds the catalogue's entry for an element.
     """
 
     problems: dict[tuple[Path, int, int], Diagnostic] = field(
@@ -50,12 +50,12 @@ class Source:
 
 @dataclass(frozen=True)
 class Scope:
-    """A part of a file, and the parameters that hold there.
+    """A part of a file, and its parameters.
 
     Attributes:
         source: The file.
         parameters: Their values by name.
-        findings: Takes what is wrong and what is left out.
+        findings: Takes problems and omissions.
     """
 
     source: Source
@@ -63,7 +63,7 @@ class Scope:
     findings: Findings
 
     def nest(self, element: Element, assigned: Mapping[str, str] | None = None) -> "Scope":
-        """Return the scope in an element that declares parameters; assigned values hold."""
+        """Return the scope in an element with declared parameters; assigned values hold."""
         known = dict(self.parameters)
         for item in element.iterfind("ParameterDeclarations/ParameterDeclaration"):
             name = item.get("name", "")
@@ -72,7 +72,7 @@ class Scope:
         return Scope(self.source, known, self.findings)
 
     def resolve(self, parent: Element, *tags: str) -> "tuple[Scope, Element] | None":
-        """Find an element in its parent, or in the catalogue that the parent refers to.
+        """Find an element in its parent, or in the parent's catalogue.
 
         Returns:
             The scope in the element, and the element; None, and a problem, if there is none.
@@ -100,7 +100,7 @@ class Scope:
         )
 
     def audit(self, element: Element) -> None:
-        """Refuse or list all in an element that cannot be, or is not, taken over."""
+        """Refuse or list all unsupported parts of an element."""
         load_standard("openscenario").audit(element, self.findings.ledger, self.refuse)
 
     def get(self, element: Element, name: str, default: str | None = None) -> str:
@@ -129,7 +129,7 @@ class Scope:
         return number
 
     def get_flag(self, element: Element, name: str, *, default: bool = False) -> bool:
-        """Return an attribute that is true or false."""
+        """Return a boolean attribute."""
         return self.get(element, name, "true" if default else "false") in ("true", "1")
 
 

@@ -1,4 +1,4 @@
-"""Parts of a storyboard: what state each is in, and when it came into it."""
+"""Parts of a storyboard: the state of each, and the time of its last change."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Entities of a scenario: what they are, and how large."""
+"""Entities of a scenario: their kinds and sizes."""
 
 from collections.abc import Iterator, Mapping
 from xml.etree.ElementTree import Element
@@ -24,7 +24,7 @@ CATEGORIES: Mapping[str, ActorClass] = {
 """Classes by `vehicleCategory` and `pedestrianCategory`."""
 ATTRIBUTES = {"Vehicle": "vehicleCategory", "Pedestrian": "pedestrianCategory"}
 BODILESS = ("MiscObject", "ExternalObjectReference")
-"""Entities that are no road users: left out, or refused by the table."""
+"""Entities other than road users: left out, or refused by the table."""
 
 
 def read_entities(scope: Scope) -> Iterator[Entity]:

@@ -1,4 +1,4 @@
-"""Actions that move an entity across its road: changes of lane and of the offset in it."""
+"""Actions across the road: changes of lane and of the offset in it."""
 
 import math
 from collections.abc import Callable
@@ -23,7 +23,7 @@ SEARCH_STEP_M = 5.0
 class OffsetChange:
     """An offset in the lane on its way to another, to the left along a road.
 
-    The entity may come to a road that leads the other way.
+    The entity may come to a road in the other direction.
     """
 
     def __init__(self, transition: Transition, along: int, *, is_kept: bool = False) -> None:
@@ -100,7 +100,7 @@ def _parse_whole(scope: Scope, element: Element) -> float:
 
 
 def find_same_lane(roads: RoadMap, place: LanePlace, other: LanePlace) -> int | None:
-    """Find the lane at a place that leads to another, ahead or behind; None if none does."""
+    """Find the lane at a place connected to another, ahead or behind; None without one."""
     if other.road == place.road:
         return other.lane
     for along in (1, -1):

@@ -15,7 +15,7 @@ STEP_S = 0.05
 MAX_SAMPLES = 2_000_000
 """Places of all entities together."""
 UNENDED_S = 60.0
-"""Length of a scenario that says nowhere when it ends."""
+"""Length of a scenario without an end."""
 MIN_STEP_S = 1e-6
 STANDING_M_S = 0.01
 MAX_ASIDE = math.sin(ACROSS_RAD)
@@ -142,6 +142,6 @@ def _drive_on(mover: Mover, stage: Stage, step_s: float, speed_m_s: float) -> No
         # Of the way, which is as long as the distance, this part leads aside.
         aside = min(max(aside_m / distance_m, -MAX_ASIDE), MAX_ASIDE)
         heading += math.asin(aside)
-    else:  # one that stands does not turn
+    else:  # at rest it does not turn
         heading = pose.heading
     mover.pose = Pose(point, heading, lane=moved)

@@ -1,4 +1,4 @@
-"""Positions of OpenSCENARIO: what an element says becomes a function of the stage."""
+"""Positions of OpenSCENARIO: each element becomes a function of the stage."""
 
 import math
 from collections.abc import Callable, Mapping

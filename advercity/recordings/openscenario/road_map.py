@@ -27,7 +27,7 @@ SAMPLE_STEP_M = 2.0
 MAX_ASIDE_M = 5.0
 """What is farther from all lanes is on none."""
 MAX_LINKS = 10_000
-"""Lanes that one step may lead through."""
+"""Most lanes in one step."""
 
 
 class LanePlace(NamedTuple):
@@ -155,12 +155,12 @@ class RoadMap:
         return None
 
     def find_end(self, place: LanePlace) -> LanePlace:
-        """Return the end of the road that a place faces."""
+        """Return the end of the road ahead of a place."""
         road = self._document.roads[place.road]
         return place._replace(station_m=road.length_m if place.along > 0 else 0.0)
 
     def list_followers(self, place: LanePlace) -> list[LanePlace]:
-        """List the places into which the road leads at the end that a place faces."""
+        """List the places behind the end of the road ahead of a place."""
         road = self._document.roads[place.road]
         contact: Contact = "end" if place.along > 0 else "start"
         section = road.sections[-1 if place.along > 0 else 0]
@@ -339,12 +339,12 @@ def _list_connected(way: Connection, lane: int) -> tuple[int, ...]:
     if not way.lane_links:
         return ()
     linked = tuple(to for begin, to in way.lane_links if begin == lane)
-    # A lane that no link names leads nowhere: ids of lanes are never this large.
+    # A lane without links leads nowhere: ids of lanes are never this large.
     return linked or (10**9,)
 
 
 def choose_straightest(roads: RoadMap, place: LanePlace) -> Chooser:
-    """Return a chooser of the way that turns least."""
+    """Return a chooser of the way with the least turn."""
     end = roads.find_end(place)
     _, heading = roads.locate(end)
 

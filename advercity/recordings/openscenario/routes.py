@@ -61,12 +61,12 @@ def parse_route(
     parent: Element,
     parse_position: Callable[[Scope, Element], Position | None],
 ) -> Route | None:
-    """Parse the route in an element, or in the catalogue that it refers to."""
+    """Parse the route in an element, or in its catalogue."""
     found = scope.resolve(parent, "Route")
     if found is None:
         return None
     inner, element = found
-    # A route of a catalogue that leads over itself would have no end.
+    # A route of a catalogue over itself would have no end.
     nested = element.find("Waypoint/Position/RoutePosition")
     if nested is not None:
         inner.refuse(nested, "a waypoint is on another route", "give it as a <LanePosition>")

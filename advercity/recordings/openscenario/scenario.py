@@ -1,8 +1,9 @@
-"""Reading a scenario: its entities, its map, and the tracks of its actors once it is played.
+"""Reading a scenario: its entities, its map, and the tracks of its played actors.
 
-What moves nobody is left out and listed; what cannot be played is refused by name and line, since
-the result would be another scenario. World positions are right-handed, h is counter-clockwise from
-x; they are of the entity's reference point, from which the bounding box has its own centre.
+Parts without effect on motion are omitted and listed. Unsupported parts are refused by name and
+line, since the result would be another scenario. World positions are right-handed, h is
+counter-clockwise from x; they are of the entity's reference point, from which the bounding box has
+its own centre.
 """
 
 from collections.abc import Callable, Mapping
@@ -27,12 +28,12 @@ from advercity.roads.opendrive.parsing import parse_opendrive
 
 @dataclass(frozen=True)
 class RecordedScenario:
-    """What a scenario says of its actors.
+    """A scenario's data of its actors.
 
     Attributes:
-        tracks: One per entity that moves or stands, in their order.
-        map_file: Path of the OpenDRIVE file as it is written; None if the scenario names none.
-        left_out: Parts of the file that are not taken over.
+        tracks: One per entity with a place, in their order.
+        map_file: Path of the OpenDRIVE file as written; None without one.
+        left_out: Omitted parts of the file.
     """
 
     tracks: list[Track]
@@ -51,12 +52,12 @@ def read_scenario(
 
     Args:
         path: The file.
-        map_file: OpenDRIVE file that replaces the one that the scenario names.
-        root: Folder in which its catalogues must be; None is the one that has the scenario's.
-        parameters: Values that replace those that it declares.
+        map_file: OpenDRIVE file in place of the scenario's.
+        root: Folder in which its catalogues must be; None is the one around the scenario's folder.
+        parameters: Values in place of the declared ones.
 
     Raises:
-        InputError: It cannot be read, or has what cannot be played; all such places are listed.
+        InputError: It cannot be read, or has unsupported parts, all listed.
     """
     findings = Findings()
     scope = start_scope(open_source(path), findings, parameters or {})
@@ -100,7 +101,7 @@ def _read_variables(scope: Scope) -> dict[str, str]:
 
 
 def _prepare_map(path: Path | None) -> Callable[[], RoadMap | None]:
-    """Return a function that opens the map when it is needed first."""
+    """Return a function to open the map at its first use."""
 
     @cache
     def open_map() -> RoadMap | None:

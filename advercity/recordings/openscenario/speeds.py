@@ -1,4 +1,4 @@
-"""Actions that change the speed of an entity."""
+"""Actions on the speed of an entity."""
 
 from collections.abc import Callable, Sequence
 from xml.etree.ElementTree import Element

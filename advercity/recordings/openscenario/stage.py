@@ -19,10 +19,10 @@ from advercity.recordings.openscenario.road_map import (
 )
 
 ACROSS_RAD = math.pi / 4
-"""One that is turned further from its lane does not follow it."""
+"""An entity with a larger angle to its lane does not follow it."""
 
 MAX_JUMP_M = 1.0
-"""Farthest that an action may put an entity at once, while the scenario is played."""
+"""Largest instant move of an entity by an action, while the scenario is played."""
 
 
 class Entity(NamedTuple):
@@ -35,14 +35,14 @@ class Entity(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """Where something is.
+    """A place and heading.
 
     Attributes:
         point: East + i north in m.
-        heading: In rad, counter-clockwise from east; NaN if it is that of the motion.
-        level: How long what points ahead by 1 m is in the plan, by the pitch.
-        lane: The same place on a lane, if it was given so.
-        route: Roads of the route on which it was given.
+        heading: In rad, counter-clockwise from east; NaN if it follows the motion.
+        level: Length in the plan of 1 m ahead, by the pitch.
+        lane: The same place on a lane, if given so.
+        route: Roads of its route, if given on one.
     """
 
     point: complex
@@ -60,7 +60,7 @@ class Sample(NamedTuple):
 
 
 class Process(Protocol):
-    """An action that takes time.
+    """An action with a duration.
 
     Attributes:
         is_done: Whether it has ended.
@@ -75,20 +75,20 @@ class Process(Protocol):
 
 @dataclass
 class Mover:
-    """An entity while it moves.
+    """An entity in motion.
 
     Attributes:
-        entity: What it is.
-        pose: Where it is; None if it is nowhere.
+        entity: Its entity.
+        pose: Its pose; None if it is nowhere.
         speed_m_s: Its speed, below 0 backwards.
-        processes: What changes it, by domain: `speed`, `lateral` or `path`.
-        route: Roads that it takes.
-        travelled_m: Distance that it has moved.
+        processes: Its current actions, by domain: `speed`, `lateral` or `path`.
+        route: Roads ahead of it.
+        travelled_m: Distance moved.
         acceleration_m_s2: Change of speed over the last step.
-        standing_s: Time for which it has stood.
+        standing_s: Time at rest.
         is_at_end: Whether no road leads further.
         lane_offset_m: Offset to its left in its lane at the end of the step; None keeps it.
-        samples: Where it has been, in pieces between being added and deleted.
+        samples: Its past, in pieces between being added and deleted.
     """
 
     entity: Entity
@@ -104,7 +104,7 @@ class Mover:
     samples: list[Sample] = field(default_factory=list[Sample])
 
     def assign(self, process: Process, *domains: str) -> None:
-        """Let a process change it; what did so in its domains ends."""
+        """Start a process on it, and end others in the same domains."""
         for domain in domains:
             before = self.processes.get(domain)
             if before is not None:
@@ -151,12 +151,12 @@ class Stage:
     values: dict[str, str] = field(default_factory=dict[str, str])
 
     def fail(self, scope: Scope, element: Element, message: str, hint: str = "") -> NoReturn:
-        """Raise DiagnosticsError for something that shows only while the scenario is played."""
+        """Raise DiagnosticsError for a problem found only while the scenario is played."""
         scope.refuse(element, message, hint)
         raise DiagnosticsError(*scope.findings.problems.values())
 
     def check_jump(self, scope: Scope, element: Element, mover: Mover, point: complex) -> None:
-        """Raise DiagnosticsError if an action puts an entity that is on the road elsewhere."""
+        """Raise DiagnosticsError if an action moves an entity on the road elsewhere."""
         if mover.pose is None or not self.step:
             return
         jump_m = abs(point - mover.pose.point)
@@ -165,7 +165,7 @@ class Stage:
             self.fail(scope, element, message, "end the scenario before with a <StopTrigger>")
 
     def find_mover(self, scope: Scope, element: Element, name: str) -> Mover:
-        """Find an entity that must be somewhere."""
+        """Find an entity with a place."""
         mover = self.movers.get(name)
         if mover is None or mover.pose is None:
             self.fail(scope, element, f"'{name}' is nowhere at {self.time_s:g} s")

@@ -28,7 +28,7 @@ MAX_EXECUTIONS = 1_000_000
 
 @dataclass
 class Event(StoryElement):
-    """An event: its actions, when they begin, and what becomes of others in its maneuver."""
+    """An event: its actions, its trigger, and its effect on others in its maneuver."""
 
     priority: str = "parallel"
     max_executions: int = 1
@@ -86,12 +86,12 @@ class Event(StoryElement):
 
 @dataclass
 class Maneuver(StoryElement):
-    """Events that may end each other."""
+    """Events; one may end another."""
 
     events: Sequence[Event] = ()
 
     def update(self, stage: Stage) -> None:
-        """Begin the events that are triggered."""
+        """Begin the triggered events."""
         for event in self.events:
             event.update(stage)
         for event in self.events:
@@ -154,7 +154,7 @@ class ManeuverGroup(StoryElement):
 
 @dataclass
 class Act(StoryElement):
-    """Maneuver groups that begin and stop together."""
+    """Maneuver groups with a common begin and end."""
 
     start_trigger: Trigger | None = None
     stop_trigger: Trigger | None = None
@@ -184,7 +184,7 @@ class Act(StoryElement):
 
 @dataclass
 class Story(StoryElement):
-    """Acts that run beside each other."""
+    """Acts in parallel."""
 
     acts: Sequence[Act] = ()
 
@@ -200,14 +200,14 @@ class Story(StoryElement):
 
 @dataclass(frozen=True)
 class Storyboard:
-    """All of a scenario that happens.
+    """All events of a scenario.
 
     Attributes:
-        init: Actions before the first step, by entity; those of no entity have no name.
+        init: Actions before the first step, by entity; actions without one have no name.
         stories: Its stories.
         stop_trigger: Ends it.
-        times_s: Times at which conditions change by themselves.
-        last_s: Latest time of a trajectory whose times are absolute.
+        times_s: Times of conditions that change by themselves.
+        last_s: Latest time of a trajectory with absolute times.
     """
 
     init: Sequence[tuple[str, Action]]
@@ -323,7 +323,7 @@ class StoryboardParser:
 
     @contextmanager
     def _inside(self, scope: Scope, element: Element) -> Generator[None]:
-        """Parse what is in an element, whose name is part of theirs."""
+        """Parse the content of an element, whose name becomes part of its children's names."""
         self._path.append(scope.get(element, "name", ""))
         yield
         self._path.pop()

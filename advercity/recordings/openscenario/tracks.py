@@ -1,4 +1,4 @@
-"""Tracks of the entities of a scenario that was played."""
+"""Tracks of the entities of a played scenario."""
 
 import re
 from collections.abc import Sequence

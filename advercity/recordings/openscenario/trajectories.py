@@ -23,7 +23,7 @@ CURVE_STEP_M = 0.2
 MAX_CURVE_M = 10_000.0
 TIME_TOLERANCE_S = 1e-9
 DENSE_S = 0.5
-"""Vertices no farther apart are the only places that are kept of a trajectory with times."""
+"""A trajectory with times and vertices no farther apart keeps only these as places."""
 
 
 class Vertex(NamedTuple):
@@ -211,7 +211,7 @@ class TimedFollower:
         first, last = np.searchsorted(self._times, [begin_s, end_s - TIME_TOLERANCE_S])
         for item in self.samples[first:last]:
             mover.samples.append(item)
-        # One that is nowhere appears where the trajectory begins.
+        # An entity without a place appears where the trajectory begins.
         if end_s < self._times[0] - TIME_TOLERANCE_S:
             return
         pose, speed_m_s = self._interpolate(end_s)
@@ -221,7 +221,7 @@ class TimedFollower:
             mover.samples.append(Sample(end_s, pose))
 
     def is_dense(self, time_s: float) -> bool:
-        """Return whether its vertices around a time suffice, so that none is added between them."""
+        """Return whether the vertices around a time suffice, without more between them."""
         index = int(np.searchsorted(self._times, time_s, side="right"))
         inside = 0 < index < len(self._times)
         return inside and bool(self._times[index] - self._times[index - 1] <= DENSE_S)

@@ -14,7 +14,7 @@ class Shape:
 
     Attributes:
         blend: Value by share of the way.
-        peak_slope: Largest slope, which is what a rate means.
+        peak_slope: Largest slope, the meaning of a rate.
         peak_curvature: Largest second derivative; infinite where the slope jumps.
     """
 
@@ -43,7 +43,7 @@ class Dynamics:
     value: float
 
     def measure(self, change: float) -> tuple[float, bool]:
-        """Return how long a change takes, and whether that is a distance instead of a time."""
+        """Return the time or distance of a change, and whether it is a distance."""
         if math.isinf(self.shape.peak_slope) or not change:
             return 0.0, False
         if self.dimension == "rate":
