@@ -458,7 +458,7 @@ def extract_planned_trajectory(
 
     Returns:
         (points, 3): world x and y in metres and speed in m/s, `step_s` apart, the first one
-            `step_s` ahead.
+        `step_s` ahead.
 
     Raises:
         KeyError: The trace does not have the actor at that tick.

@@ -46,7 +46,7 @@ def place_agents(road: Road) -> tuple[list[list[Road]], dict[str, str]]:
 
     Returns:
         For each junction the road with the ego on every possible arm, and the reason for every
-            junction left out.
+        junction left out.
 
     Raises:
         MisplacedPartError: No junction fits.

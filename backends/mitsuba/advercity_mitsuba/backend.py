@@ -1,4 +1,4 @@
-"""The backend that the core finds by name: capabilities of this machine, and open renderers."""
+"""The backend, found by name in the core: capabilities of this machine, and open renderers."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ class MitsubaBackend:
     name = "mitsuba"
 
     def capabilities(self) -> Capabilities:
-        """Report what Mitsuba can do on this machine; BackendError without LLVM and CUDA."""
+        """Report Mitsuba's capabilities on this machine; BackendError without LLVM and CUDA."""
         device = find_device()
         return Capabilities(
             participating_medium=True,

@@ -1,4 +1,4 @@
-"""Rays of a camera, and what the middles of its pixels show."""
+"""Rays of a camera, and the surfaces at the middles of its pixels."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -72,7 +72,7 @@ def compute_pixel_angle(camera: Camera) -> Any:
 
 
 def trace_visible(scene: Scene, eye: Any, ray: Any) -> Crossing:
-    """Find what camera rays meet first besides hidden actors, which they pass through.
+    """Find the first hits of camera rays, which pass through hidden actors.
 
     A scene without the hidden actors would cost more: Mitsuba builds all bodies anew for each.
     """
@@ -93,7 +93,7 @@ def trace_visible(scene: Scene, eye: Any, ray: Any) -> Crossing:
 
 @dataclass(frozen=True, eq=False)
 class Guides:
-    """Geometry at the middles of pixels, and the fraction of its light that the air leaves."""
+    """Geometry at the middles of pixels, and the fraction of its light left by the air."""
 
     depth: Any
     clearness: Any
@@ -104,7 +104,7 @@ class Guides:
 
 
 def trace_guides(scene: Scene, camera: Camera, pixel: Any) -> Guides:
-    """Find what the middles of pixels show; depth and actor are 0 for the sky."""
+    """Find the surfaces at the middles of pixels; depth and actor are 0 for the sky."""
     ray, length = build_camera_ray(camera, pixel, mi.Point2f(0.5))
     crossing = trace_visible(scene, camera.eye, ray)
     seen = crossing.distance < FAR_M

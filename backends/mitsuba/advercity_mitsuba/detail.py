@@ -1,8 +1,8 @@
 """Detail of materials: the ratio of their albedo to its mean, a factor around 1.
 
 It depends on world position alone, so it never repeats in sight. Every octave has the mean 0 and
-fades where its wavelength comes close to the footprint of a pixel, so that nothing shimmers. What
-is finer than `MAPPED_M` is in the images of materials.
+fades where its wavelength comes close to the footprint of a pixel, against shimmer. Images of
+materials have the detail finer than `MAPPED_M`.
 """
 
 from dataclasses import dataclass
@@ -147,12 +147,12 @@ def compute_detail(
 
     Args:
         octaves: The table of `build_octave_table`.
-        w: The map of wear is in it.
+        w: Tables with the map of wear.
         kind: Number of the material's `Texture`.
         mapped: Whether it has images.
         p: Points of the world, metres.
         n: Unit normals.
-        footprint: Width that a pixel sees, metres.
+        footprint: Width of a pixel on the surface, metres.
     """
     fine = dr.select(mapped, dr.maximum(footprint, MAPPED_M), footprint)
     across = _find_surface_point(p, n)
@@ -216,7 +216,7 @@ def _space_noise(p: Any, salt: Any) -> Any:
 
 
 def _leaf_tones(p: Any, size: float, footprint: Any, salt: int) -> Any:
-    """Evaluate the tone of the leaf that is nearest, of those strewn over a lattice, one in a cell.
+    """Evaluate the tone of the nearest leaf, of leaves strewn over a lattice, one in a cell.
 
     At the border to the next, both tones blend within the footprint.
     """
@@ -248,9 +248,9 @@ def _cell_number(cell: Any, salt: int) -> Any:
 
 
 def _worn_paint(p: Any, polish: Any, footprint: Any) -> Any:
-    """Evaluate how far paint is worn, most where tyres go: 1 where asphalt shows, less the mean.
+    """Evaluate the wear of paint, most under tyres: 1 where asphalt shows, less the mean.
 
-    What is finer than the footprint blends.
+    Detail finer than the footprint blends.
     """
     mean, by_tyres, sharp, variance = 0.13, 0.35, 0.06, 0.184
     wavelength, weight, everything = 0.25, 0.1, 0.0
@@ -286,7 +286,7 @@ def _slab_tones(kind: Any, uv: Any, n: Any, fine: Any, footprint: Any) -> Any:
 
 
 def _joints(uv: Any, size: Any, width: Any, footprint: Any) -> Any:
-    """Evaluate joints between pieces: 1 in them, less the fraction that they cover."""
+    """Evaluate joints between pieces: 1 in them, less the fraction of their area."""
     kept = retained_contrast(dr.min(size), footprint)
     soft = dr.maximum(footprint, 0.25 * width)
     place = mi.Vector2f(uv / size)

@@ -1,7 +1,7 @@
-"""Finds what Mitsuba can compile its kernels with: a CUDA device, or a usable LLVM library.
+"""Finds a device for Mitsuba's kernels: a CUDA device, or a usable LLVM library.
 
-Versions of LLVM before 16 lack an instruction that the kernels need, and abort the process. So the
-version of a library is asked in a child process before it is loaded into this one.
+Versions of LLVM before 16 lack an instruction of the kernels, and abort the process. So a child
+process asks for the version of a library before this process loads it.
 """
 
 import os
@@ -47,7 +47,7 @@ INSTALL_HINT = (
 
 @dataclass(frozen=True)
 class JitDevice:
-    """What Mitsuba's kernels run on.
+    """A device for Mitsuba's kernels.
 
     Attributes:
         variant: Mitsuba's name of it.
@@ -65,11 +65,11 @@ def find_device() -> JitDevice:
     """Find the best device, and prepare this process to use it.
 
     Raises:
-        BackendError: There is none; the text says what to install.
+        BackendError: There is none; the text names packages to install.
     """
     missing: BackendError | None = None
     version = ""
-    # Before CUDA is asked for: Dr.Jit loads whatever LLVM it finds as soon as it is imported.
+    # Before CUDA is asked for: Dr.Jit loads any LLVM it finds as soon as it is imported.
     try:
         library, version = find_llvm()
         os.environ[LIBRARY_VARIABLE] = str(library)
@@ -96,7 +96,7 @@ def find_llvm() -> tuple[Path, str]:
 
 
 def find_library_folders() -> list[Path]:
-    """List the folders that may hold LLVM, ours first: what the set-up fetched is known to work."""
+    """List folders of LLVM, ours first: the library fetched by the set-up is known to work."""
     own = find_data_folder() / "llvm"
     folders = [path for folder in SYSTEM_FOLDERS for path in sorted(Path("/").glob(folder[1:]))]
     return [own, *folders]

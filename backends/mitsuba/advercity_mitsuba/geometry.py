@@ -22,7 +22,7 @@ SEMANTIC_SHIFT = 16
 
 @dataclass(frozen=True, eq=False)
 class RegisteredBody:
-    """Meshes that move together: a group for instances, and the row of their first triangle."""
+    """Meshes in common motion: a group for instances, and the row of their first triangle."""
 
     group: Any
     first_triangle: int
@@ -44,7 +44,7 @@ class DeviceTables:
 
 
 class GeometryStore:
-    """All bodies that a scene has had."""
+    """All bodies of a scene so far."""
 
     def __init__(self, surfaces: SurfaceTable) -> None:
         self._surfaces = surfaces
@@ -77,7 +77,7 @@ class GeometryStore:
     def tables(self) -> DeviceTables:
         """The tables on the device, copied there again after a body was added."""
         if self._tables is None:
-            # One array each from now on, so that the next body adds to few.
+            # One array each from now on: the next body adds to few.
             self._vertices = [np.concatenate(self._vertices)]
             self._corners = [np.concatenate(self._corners)]
             self._tables = DeviceTables(

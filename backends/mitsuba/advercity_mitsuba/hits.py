@@ -1,4 +1,4 @@
-"""What rays meet: which triangle of which instance, and what its surface is there."""
+"""Hits of rays: the triangle, its instance, and its surface at the point."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -29,10 +29,10 @@ LEVEL_SLOPE, STEEP_SLOPE = 0.3, 0.7
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """All that a kernel reads.
+    """All inputs of a kernel.
 
     Attributes:
-        hidden: Whether the camera does not see an instance, by row.
+        hidden: Whether an instance is invisible to the camera, by row.
         glow_chances: Cumulative chances of lamps by their glow in the image.
     """
 
@@ -49,7 +49,7 @@ class Scene:
 
 @dataclass
 class Crossing:
-    """What a ray meets first: Mitsuba's numbers of the triangle and its instance."""
+    """The first hit of a ray: Mitsuba's numbers of the triangle and its instance."""
 
     distance: Any
     triangle: Any
@@ -59,10 +59,10 @@ class Crossing:
 
 @dataclass
 class Hit:
-    """A surface that a ray hits; its normal faces where the ray came from.
+    """A surface hit by a ray; its normal faces the ray's origin.
 
     Attributes:
-        scale: Metres per unit of the mesh's own coordinates, 0 where it has none.
+        scale: Metres per unit of the mesh's own coordinates, 0 without any.
         is_thin: Whether it is a leaf or a blade, whose normal says nothing of its sides.
     """
 
@@ -85,7 +85,7 @@ class Hit:
 
 
 def trace(scene: Any, origin: Any, direction: Any, active: Any, *, coherent: bool) -> Crossing:
-    """Find what rays meet first; the distance is infinite for the sky."""
+    """Find the first hits of rays; the distance is infinite for the sky."""
     ray = mi.Ray3f(origin, direction, mi.Float(FAR_M), 0.0, [])
     found = scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
     return Crossing(
@@ -97,7 +97,7 @@ def trace(scene: Any, origin: Any, direction: Any, active: Any, *, coherent: boo
 
 
 def is_visible(scene: Scene, origin: Any, direction: Any, distance: Any, active: Any) -> Any:
-    """Whether nothing is between points and what lies in a direction at a distance."""
+    """Whether the way from points in a direction is free up to a distance."""
     ray = mi.Ray3f(origin, direction, distance, 0.0, [])
     return active & ~scene.placed.scene.ray_test(ray, active)
 
@@ -141,8 +141,8 @@ def fetch_hit(scene: Scene, crossing: Crossing, origin: Any, ray: Any, active: A
     face = dr.normalize(dr.cross(step1, step2))
     is_leaf = kind == int(Texture.LEAVES)
     is_blade = (kind == int(Texture.CROPS)) & (dr.abs(dr.dot(normal, face)) < BLADE_COSINE)
-    # Leaves have the normal of their crown, on the side that is seen; blades of crops that of their
-    # field, on both.
+    # Leaves have the normal of their crown, on the visible side; blades of crops have the field's,
+    # on both sides.
     back = dr.dot(dr.select(is_leaf, normal, face), ray) > 0.0
     normal = dr.select(back & ~is_blade, -normal, normal)
     lens = dr.gather(mi.Float, placed.luminances, row * LENS_COUNT + mi.UInt32(second.z), active)
@@ -205,7 +205,7 @@ def _find_mesh_axis(n: Any, step1: Any, step2: Any, uv_step1: Any, uv_step2: Any
     turned = uv_step1.x * uv_step2.y - uv_step2.x * uv_step1.y
     right = dr.select(turned < 0.0, -right, right)
     other = dr.select(dr.abs(n.z) < 0.9, mi.Vector3f(-n.y, n.x, 0.0), mi.Vector3f(1.0, 0.0, 0.0))
-    # Triangles that are a point of the image have no axes of their own.
+    # Triangles with a single point in the image have no axes of their own.
     return dr.select(dr.squared_norm(right) < 1e-20, other, right)
 
 
@@ -219,7 +219,7 @@ def _find_scale(step1: Any, step2: Any, uv_step1: Any, uv_step2: Any) -> Any:
 
 
 def apply_room(hit: Hit, ray: Any, pixel_m: Any) -> Hit:
-    """Give panes of buildings the albedo of the rooms that are seen behind them."""
+    """Give panes of buildings the albedo of the rooms visible behind them."""
     right = dr.normalize(hit.right - hit.normal * dr.dot(hit.right, hit.normal))
     found = compute_room_albedo(
         kind=hit.kind,

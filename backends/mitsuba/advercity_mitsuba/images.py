@@ -1,7 +1,7 @@
 """Images of materials on the device, and their lookup.
 
-All images with their smaller copies (mipmaps) are in one buffer, so that a kernel is the same for
-any number of them. A texel is two words: colour (sRGB) and roughness, and x and y of the normal.
+All images with their smaller copies (mipmaps) are in one buffer: a kernel is the same for any
+number of them. A texel is two words: colour (sRGB) and roughness, and x and y of the normal.
 """
 
 from collections.abc import Mapping, Sequence
@@ -117,7 +117,7 @@ def _pack(tone: NDArray[Any], relief: Float32Array) -> NDArray[np.uint32]:
 
 @dataclass
 class ImageSample:
-    """What images change on a surface: factors of colour and roughness, and the relief's slope."""
+    """Effects of images on a surface: factors of colour and roughness, and the relief's slope."""
 
     color: Any
     roughness: Any
@@ -152,8 +152,8 @@ def sample_images(
         width_m: Of the image.
         kind: Number of the material's `Texture`.
         cosine: Of the angle of incidence.
-        pixel_m: Width that a pixel sees at that distance, across the ray.
-        active: Where there is an image.
+        pixel_m: Width of a pixel at the surface, across the ray.
+        active: Whether there is an image.
     """
     row = mi.UInt32(dr.maximum(number, 0.0))
     low = dr.gather(mi.Vector4f, images.headers, 2 * row, active)
@@ -218,7 +218,7 @@ def _fetch(
 def _blend_copies(fetch: Any, uv: Any, active: Any) -> ImageSample:
     """Blend copies at random places around the corners of a lattice of triangles.
 
-    Their variance stays that of one image (Heitz and Neyret 2018).
+    Their variance stays the variance of one image (Heitz and Neyret 2018).
     """
     triangles, sharpness = 1.6, 5.0
     p = uv * triangles

@@ -1,8 +1,8 @@
-"""Lamps of a frame on the device: their patterns, and which of them matter where.
+"""Lamps of a frame on the device: their patterns, and their importance by place.
 
 A surface draws a few lamps by their light at points of its cell of the ground, and one of those by
-the illuminance of the point itself (resampled importance sampling, Talbot et al. 2005),
-so that hundreds of lamps cost no more than a few. Every lamp has a chance everywhere.
+the illuminance of the point itself (resampled importance sampling, Talbot et al. 2005): hundreds of
+lamps cost no more than a few. Every lamp has a chance everywhere.
 """
 
 import math
@@ -31,15 +31,15 @@ from advercity_mitsuba.variant import dr, mi
 LAMP_COLUMNS = 12
 """Numbers of a lamp: position and pattern, facing and squared size, peak in kcd and free path."""
 GRID_CELLS, GRID_MARGIN_M = 64, 60.0
-"""Cells along each edge of the ground that has lamps, and how far it extends beyond them."""
+"""Cells along each edge of the ground with lamps, and the margin of the ground beyond them."""
 POINTS_PER_EDGE, POINT_HEIGHTS_M = 2, (0.1, 1.5)
 """Points along each edge of a cell, and their heights, of which lamps have their chances."""
 CANDIDATES = 4
-"""Lamps that a surface draws before it takes one."""
+"""Drawn lamps of a surface, of which it takes one."""
 FOG_BEAM_LENGTH_M, LEAST_GLOW_CHANCE = 40.0, 1e-3
 """How long beams glow, and the chance of lamps whose glow hardly matters."""
 FLOOR_FRACTION = 0.05
-"""Fraction of the choices that depend on intensities and distances alone."""
+"""Fraction of the choices by intensities and distances alone."""
 STREET_LAMP_HEIGHT_M = 6.0
 LAMP_SIZE_M2, FOG_LAMP_SIZE_M2 = 0.01, 0.4
 """Squared size, nearer than which a lamp is not a point. A fog lamp represents two."""
@@ -51,9 +51,9 @@ MAX_GAINED_DEPTH = 8.0
 LEAST_COSINE = 0.05
 """Cosine of incidence below which a lamp still has a chance: normals bend."""
 FAR_M = 1e6
-"""Length of the free path of lamps that nothing hides."""
+"""Length of the free path of unhidden lamps."""
 HOUSING_M = 0.25
-"""Metres around a lamp that do not hide it."""
+"""Metres around a lamp in which surfaces do not hide it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +137,8 @@ def _compute_chances(
 ) -> FloatArray:
     """Compute the chance of each lamp in each cell (cells, lamps).
 
-    It is the mean, over the points of the cell, of the fraction that the lamp has of their light:
-    nowhere in a cell is a lamp rare that matters there.
+    It is the mean, over the points of the cell, of the lamp's fraction of their light: no lamp is
+    rare where it matters.
     """
     count = dr.opaque(mi.UInt32, lamp_count)
     number = dr.arange(mi.UInt32, points.size // 3 * lamp_count)
@@ -146,7 +146,7 @@ def _compute_chances(
     dr.make_opaque(place)
     point = dr.gather(mi.Point3f, place, number // count)
     lamp = fetch_lamp(device_rows, number % count)
-    # The ground under a lamp is taken for that under the point.
+    # The ground under a lamp is assumed to be as high as under the point.
     is_street = lamp.pattern == int(LampPattern.STREET)
     point.z += lamp.position.z - dr.select(is_street, mi.Float(STREET_LAMP_HEIGHT_M), LAMP_HEIGHT_M)
     lux, _, distance = compute_illuminance(light, lamp, point)
@@ -243,13 +243,13 @@ def _compute_beam_fraction(lamp: Lamp, ray: Any, depth: Any) -> Any:
 
 
 def compute_forward_spread(depth: Any) -> Any:
-    """Compute the spread, in radians, of light that droplets deflect a little over a depth."""
+    """Compute the spread, in radians, of light deflected a little by droplets over a depth."""
     depth = dr.maximum(depth, 1e-3)
     return LOBES.narrow_scale_rad * depth / (1.0 - dr.exp(-depth))
 
 
 def compute_deflection_density(angle: Any, spread: Any) -> Any:
-    """Compute the density of deflections by an angle, without a factor that only the angle has."""
+    """Compute the density of deflections by an angle, without the angle's own factor."""
     spreads = angle / spread
     root = dr.sqrt(1.0 + spreads * spreads)
     return 1.0 / (spread * root * (root + spreads))
@@ -261,17 +261,17 @@ def _fraction_beyond(spreads: Any) -> Any:
 
 
 def compute_lamp_transmittance(light: Light, lamp: Lamp, distance: Any) -> Any:
-    """Compute the fraction of a lamp's light that fog leaves.
+    """Compute the fraction of a lamp's light left by fog.
 
-    Street lamps shine all around and lose nothing: light that is scattered away from one point is
-    scattered to it from others. Small deflections lose nothing either.
+    Street lamps shine all around and lose nothing: light scattered away from one point is scattered
+    to it from others. Small deflections lose nothing either.
     """
     left = dr.exp(-LOBES.wide_fraction * light.extinction * distance)
     return dr.select(lamp.pattern == int(LampPattern.STREET), 1.0, left)
 
 
 def compute_illuminance(light: Light, lamp: Lamp, position: Any) -> tuple[Any, Any, Any]:
-    """Compute the light of lamps at points, on surfaces that face them.
+    """Compute the light of lamps at points, on surfaces facing them.
 
     Returns:
         Illuminance in klx, the direction towards the lamp, and its distance.
@@ -340,11 +340,11 @@ def _evaluate_phase(cosine: Any) -> tuple[Any, Any]:
 def compute_glow(
     light: Light, tables: LampTables, chances: Any, eye: Any, ray: Any, range_m: Any, random: Any
 ) -> tuple[Any, Any]:
-    """Compute the light of lamps that the air scatters into rays.
+    """Compute the light of lamps scattered into rays by the air.
 
-    For each of some lamps one point of the ray, drawn evenly in the cube root of the angle at the
+    Each of some lamps has one point of the ray, drawn evenly in the cube root of the angle at the
     lamp: steps are short where the phase function is steep (equiangular sampling, Kulla and Fajardo
-    2012). For beams another one, of light that fog has scattered before.
+    2012). Beams have another one, for light scattered by fog before.
 
     Returns:
         Radiance, and the random numbers' next state.
@@ -352,7 +352,7 @@ def compute_glow(
     first = random.next_float32()
 
     def add_lamp(i: Any, random: Any, total: Any) -> tuple[Any, Any, Any]:
-        # Evenly spaced, so that the brightest are never left out.
+        # Evenly spaced: the brightest are never left out.
         number = (mi.Float(i) + first) / GLOW_DRAWS
         row, chance = _draw_row(chances, mi.UInt32(0), tables.stride, number, mi.Bool(True))
         lamp = fetch_lamp(tables.lamps, row)
@@ -392,7 +392,7 @@ def _compute_lamp_glow(light: Light, lamp: Lamp, eye: Any, ray: Any, range_m: An
     It is scattered once by the wide lobe, or as often as it meets droplets by the narrow one.
     """
     away = lamp.position - eye
-    # Only what is before the lamp is lit by it.
+    # The lamp lights only points before it.
     start, slope = -dr.dot(away, lamp.facing), dr.dot(ray, lamp.facing)
     crossing = -start / dr.select(dr.abs(slope) > 1e-6, slope, 1e-6)
     near = dr.select(slope > 0.0, dr.maximum(crossing, 0.0), 0.0)
@@ -418,12 +418,12 @@ def _compute_lamp_glow(light: Light, lamp: Lamp, eye: Any, ray: Any, range_m: An
 
 
 def _is_unobstructed(lamp: Lamp, from_lamp: Any) -> Any:
-    """Whether points of the air are before another vehicle that the beam of a lamp meets."""
+    """Whether points of the air are before the first vehicle in the beam of a lamp."""
     return dr.dot(from_lamp, lamp.facing) <= lamp.unobstructed_m
 
 
 def _compute_deflection_gain(light: Light, away: Any, ray: Any) -> Any:
-    """Compute what the narrow lobe deflects into rays, however often, relative to once."""
+    """Compute all deflections by the narrow lobe into rays, relative to single ones."""
     distance = dr.norm(away)
     angle = dr.safe_acos(dr.dot(away, ray) / distance)
     depth = dr.maximum(LOBES.narrow_fraction * light.extinction * distance, 1e-3)
@@ -435,7 +435,7 @@ def _compute_deflection_gain(light: Light, away: Any, ray: Any) -> Any:
 def _compute_diffuse_glow(
     light: Light, lamp: Lamp, eye: Any, ray: Any, range_m: Any, u: Any
 ) -> Any:
-    """Compute the light that fog scatters out of a beam, and then into rays, from one point.
+    """Compute the light scattered by fog out of a beam, and then into rays, from one point.
 
     Part of it goes along its flow, as much as the square of its mean cosine (delta scaling), and
     the rest is even. Points are even in the root of the air's opacity: most glows near the eye.
@@ -453,7 +453,7 @@ def _compute_diffuse_glow(
 
 
 def _look_up_scattered(light: Light, lamp: Lamp, from_lamp: Any) -> tuple[Any, Any]:
-    """Look up flow and fluence of light that fog and the road scatter, per candela of the peak."""
+    """Look up flow and fluence of light scattered by fog and the road, per candela of the peak."""
     level = dr.rsqrt(dr.maximum(lamp.facing.x**2 + lamp.facing.y**2, 1e-6))
     x, y = lamp.facing.x * level, lamp.facing.y * level
     ahead, right = from_lamp.x * x + from_lamp.y * y, from_lamp.x * y - from_lamp.y * x

@@ -1,6 +1,6 @@
-"""Light of sky and sun, and what the air does to it, on the device.
+"""Light of sky and sun, and its changes by the air, on the device.
 
-Radiance is in kcd/m², irradiance in klx, so that no value is far from 1.
+Radiance is in kcd/m², irradiance in klx: no value is far from 1.
 """
 
 from dataclasses import dataclass
@@ -28,15 +28,15 @@ class Light:
     Attributes:
         sky: Texture of the cubemap with its clouds, the faces below each other.
         airlight: Texture of the airlight's cubemap.
-        fog_beams: By night, the texture of the light that fog scatters out of low beams, then out
-            of front fog lamps, with what the road reflects.
+        fog_beams: By night, the texture of the light scattered by fog out of low beams, then out of
+            front fog lamps, with the road's reflection.
         extinction: 1/m.
         sun_direction: Unit vector.
-        sun_irradiance: On a surface that faces the sun.
+        sun_irradiance: On a surface facing the sun.
         has_air: Whether air attenuates anything.
         has_sun: Whether there is direct sunlight.
         night: Whether lamps light the scene.
-        deflects: Whether fog deflects so much light a little that it is seen.
+        deflects: Whether small deflections by fog are visible.
     """
 
     sky: Any
@@ -78,7 +78,7 @@ def _stack_faces(faces: Any) -> Any:
 
 
 def _upload_fog_beams(atmosphere: Atmosphere) -> Any:
-    # Of each beam the second table has what the road reflects too, as glow does.
+    # The second table of each beam includes the road's reflection, as glow does.
     tables = compute_fog_beams(atmosphere.extinction.at_550nm)[:, 1]
     values = mi.TensorXf(tables.reshape(-1, *tables.shape[2:]))
     return mi.Texture3f(values, wrap_mode=dr.WrapMode.Clamp, use_accel=False)
@@ -123,7 +123,7 @@ def _look_up(cubemap: Any, ray: Any) -> Any:
     )
     down = dr.select(on_x | on_y, -z, dr.select(z > 0.0, x, -x))
     longest = dr.select(on_x, size.x, dr.select(on_y, size.y, size.z))
-    # The outermost texels of a face are those of its neighbours, for the filter.
+    # The outermost texels of a face belong to its neighbours, for the filter.
     inside = 0.5 - 1.0 / texels
     u, v = right / longest * inside + 0.5, down / longest * inside + 0.5
     return cubemap.eval(mi.Point2f(u, (v + face) / 6.0))
@@ -135,7 +135,7 @@ def compute_transmittance(light: Light, distance: Any) -> Any:
 
 
 def compute_airlight(light: Light, ray: Any, distance: Any) -> Any:
-    """Compute the light that the air adds over a distance along rays."""
+    """Compute the light added by the air over a distance along rays."""
     depth = light.extinction * distance
     left = dr.exp(-depth)
     red, green, blue, growth = _look_up(light.airlight, ray)

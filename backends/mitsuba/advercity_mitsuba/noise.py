@@ -40,7 +40,7 @@ def value_noise(point: Any, salt: Any) -> Any:
 
 
 def retained_contrast(wavelength: Any, footprint: Any) -> Any:
-    """Compute the contrast that a pattern of a wavelength keeps in a pixel, both in metres."""
+    """Compute the contrast of a pattern of a wavelength left in a pixel, both in metres."""
     return dr.clip(1.5 - 3.0 * footprint / wavelength, 0.0, 1.0)
 
 

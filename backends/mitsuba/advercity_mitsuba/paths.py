@@ -43,14 +43,14 @@ MAX_PANES = 6
 GOLDEN_RATIO = 0.61803399
 """Steps of this much are even in [0, 1) after any number of them."""
 FIRST_MIRRORED = 0.5
-"""Fraction of samples that the first pane mirrors: most glass mirrors less, but a bright sky."""
+"""Fraction of samples mirrored by the first pane: most glass mirrors less, but a bright sky."""
 MIRROR_ALPHA = 0.1
-"""Lobes narrower than this show lamps where paths hit their lenses; wider ones sample the lamps, so
-that no light is counted twice."""
+"""Lobes narrower than this show lamps where paths hit their lenses; wider ones sample the lamps: no
+light is counted twice."""
 LEAST_THROUGHPUT = 1e-5
 UNDEFLECTED_DEPTH_LIMIT = 8.0
 MOST_DEFLECTED, DRAWN_DISTANCE_M = 0.97, 60.0
-"""Fraction of deflected light that is looked for, and the distance for which angles are drawn."""
+"""Sampled fraction of deflected light, and the distance for the drawn angles."""
 
 
 def _compute_sunlight(scene: Scene, s: Surface, eye: Any, position: Any, active: Any) -> Any:
@@ -82,9 +82,9 @@ def _compute_lamplight(
 def _compute_deflected_light(
     scene: Scene, camera: Camera, ray: Any, distance: Any, random: Any
 ) -> tuple[Any, Any]:
-    """Compute light of lamps on surfaces around a ray that fog deflects into it; one more ray.
+    """Compute lamps' light on surfaces around a ray, deflected into it by fog; one more ray.
 
-    Angles up to `MOST_DEFLECTED` of all are drawn by the spread at a distance that is not far.
+    Angles up to `MOST_DEFLECTED` of all are drawn by the spread at a limited distance.
     """
     light = scene.light
     near = LOBES.narrow_fraction * light.extinction * dr.minimum(distance, DRAWN_DISTANCE_M)
@@ -118,7 +118,7 @@ def trace_radiance(
     """Trace paths through pixels.
 
     Returns:
-        Their mean radiance, without and of the light that comes straight from lenses of lamps.
+        Their mean radiance without lenses of lamps, and the light straight from lenses.
     """
 
     def add_sample(number: Any, random: Any, total: Any, lenses: Any) -> tuple[Any, ...]:
@@ -147,9 +147,10 @@ class _Path:
     """A path on its way.
 
     Attributes:
-        radiance: What it has found so far.
-        lenses: What came to the camera straight from the lens of a lamp, besides that.
-        at_pane: Number in [0, 1) by which the first pane mirrors, even over the samples of a pixel.
+        radiance: Light found so far.
+        lenses: In addition, light straight from the lens of a lamp to the camera.
+        at_pane: Number in [0, 1) to decide whether the first pane mirrors, even over the samples of
+            a pixel.
     """
 
     origin: Any
@@ -252,8 +253,8 @@ def _offset(path: _Path) -> Any:
 def _cross_pane(scene: Scene, path: _Path, hit: Hit) -> _Path:
     """Pass a pane of glass, or be mirrored by it.
 
-    The first that the camera sees gets as many samples of either: drawn by reflectance, a few of a
-    bright sky would be speckles that the denoiser takes for a pattern.
+    The first pane in view gets as many samples of either. If reflectance decided, the few samples
+    of a bright sky would be speckles, in which the denoiser sees a pattern.
     """
     direction, away = path.direction, _offset(path)
     outside = hit.position + away * hit.normal
@@ -277,7 +278,7 @@ def _cross_pane(scene: Scene, path: _Path, hit: Hit) -> _Path:
 
 
 def _show_room(camera: Camera, path: _Path, hit: Hit) -> Hit:
-    """Show rooms behind panes that the camera sees; later hits see their means."""
+    """Show rooms behind panes in view of the camera; later hits see their means."""
     pixel_m = compute_pixel_angle(camera) * path.crossing.distance
 
     def show(hit: Hit) -> Hit:
@@ -305,7 +306,7 @@ def _build_path_surface(scene: Scene, camera: Camera, path: _Path, hit: Hit) -> 
 
 
 def _reflect(scene: Scene, camera: Camera, path: _Path, hit: Hit, path_depth: Any) -> _Path:
-    """Add the light that a surface sends back, and draw where the path goes on."""
+    """Add the light sent back by a surface, and draw the path's next direction."""
     light, away, random = scene.light, _offset(path), path.random
     hit = _show_room(camera, path, hit)
     s = _build_path_surface(scene, camera, path, hit)
@@ -313,14 +314,14 @@ def _reflect(scene: Scene, camera: Camera, path: _Path, hit: Hit, path_depth: An
     emitted = dr.select(path.sees_lenses, hit.emission * hit.albedo, 0.0)
     is_direct = (path.depth == 0) & (path.panes == 0)
     found = dr.select(is_direct, 0.0, emitted)
-    # What is thin has the normal of a crown or a field, maybe along or behind it: towards the sun
-    # is before what hides it.
+    # Thin surfaces have the normal of a crown or a field, maybe along or behind them: an offset
+    # towards the sun stays on their lit side.
     shown = dr.select(hit.is_thin, light.sun_direction, hit.normal) if light.has_sun else hit.normal
     outside = hit.position + away * shown
     found += _compute_sunlight(scene, s, eye, outside, path.active)
     travelled = path.travelled + path.crossing.distance
     if light.night and scene.lamps is not None:
-        # What is deflected a little still arrives; to the camera, from around where it comes from.
+        # Slightly deflected light still arrives; for the camera, from around its source.
         narrow = LOBES.narrow_fraction * light.extinction * travelled
         kept = dr.exp(dr.minimum(narrow, UNDEFLECTED_DEPTH_LIMIT))
         if light.deflects:
@@ -349,7 +350,7 @@ def _reflect(scene: Scene, camera: Camera, path: _Path, hit: Hit, path_depth: An
 
 
 def _advance(scene: Scene, path: _Path) -> _Path:
-    """Find what the path meets next; hidden actors are hidden from camera rays alone."""
+    """Find the path's next hit; hidden actors are hidden from camera rays alone."""
     found = trace(scene.placed.scene, path.origin, path.direction, path.active, coherent=False)
     return replace(path, crossing=found)
 

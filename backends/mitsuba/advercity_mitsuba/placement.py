@@ -30,7 +30,7 @@ class _Instance:
 
 @dataclass(frozen=True, eq=False)
 class PlacedFrame:
-    """Instances of a frame, and what the kernels look up of them by their row.
+    """Instances of a frame, and the kernels' tables of them by their row.
 
     Attributes:
         scene: All instances.
@@ -119,7 +119,7 @@ class FramePlacer:
         ]
 
     def _get_bodies(self, shape: BodyShape) -> dict[Wheel | None, RegisteredBody]:
-        """Get the bodies of a shape: its wheels, and all that does not roll."""
+        """Get the bodies of a shape: its wheels, and the rest in one."""
         if shape not in self._bodies:
             parts: defaultdict[Wheel | None, list[Mesh]] = defaultdict(list)
             for mesh in shape.build_meshes(self._world.bodies):

@@ -1,8 +1,8 @@
 """Reflection by a surface: a diffuse base under a dielectric coat, or metal.
 
-A coat reflects by Fresnel's equations from facets of a GGX distribution. What passes it twice is
-reflected by the base; the factors of both passages are relative to their means, since the albedo
-of a base is that of the coated surface.
+A coat reflects by Fresnel's equations from facets of a GGX distribution. Light that passes it twice
+is reflected by the base. The factors of both passages are relative to their means, since the albedo
+of a base is given for the coated surface.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from advercity.physics import water
 from advercity_mitsuba.variant import dr, mi
 
 GLASS_INDEX, GLASS_TRANSMITTANCE = 1.52, 0.72
-"""Index of a tinted pane, and its transmittance besides what both faces reflect."""
+"""Index of a tinted pane, and its transmittance besides the reflections of both faces."""
 VARNISH_INDEX, VARNISH_EXTERNAL_REFLECTANCE = 1.5, 0.0918
 """Index of varnish and plastics, and their reflectance for diffuse light from outside."""
 LEAST_COSINE = 1e-3
@@ -26,10 +26,10 @@ class Surface:
         albedo: Diffuse, linear sRGB.
         alpha: Width of the specular lobe (GGX).
         coat: Fraction covered by a dielectric layer.
-        index: Refractive index of that layer.
+        index: Refractive index of the layer.
         metal: Reflectance at normal incidence.
         normal: Unit vector, world frame.
-        through: Diffuse light that passes to the other side, relative to that reflected.
+        through: Diffuse light to the other side, relative to the reflected light.
     """
 
     albedo: Any
@@ -92,7 +92,7 @@ def evaluate(s: Surface, towards_eye: Any, towards_light: Any) -> Any:
 
 
 def sample_bounce(s: Surface, ray: Any, random: Any) -> tuple[Any, Any, Any]:
-    """Draw the next direction of a path that arrives along `ray`.
+    """Draw the next direction of a path along `ray`.
 
     Returns:
         The direction, the factor of its light, and whether the specular lobe was drawn.
@@ -134,13 +134,13 @@ def sample_bounce(s: Surface, ray: Any, random: Any) -> tuple[Any, Any, Any]:
 
 
 def compute_pane_reflectance(cosine: Any) -> Any:
-    """Compute the reflectance of a pane: light that passes one face is reflected by the other."""
+    """Compute the reflectance of a pane: each face reflects light passed by the other."""
     face = fresnel(mi.Float(GLASS_INDEX), dr.abs(cosine))
     return 2.0 * face / (1.0 + face)
 
 
 def build_pane_face(normal: Any) -> Surface:
-    """Build the outer face of panes, for what they mirror of the sun."""
+    """Build the outer face of panes, to mirror the sun."""
     none = mi.Color3f(0.0)
     return Surface(
         none, mi.Float(0.03), mi.Float(1.0), mi.Float(GLASS_INDEX), none, normal, mi.Float(0.0)

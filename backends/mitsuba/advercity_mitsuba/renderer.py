@@ -26,11 +26,11 @@ from advercity_mitsuba.variant import activate_variant, dr, mi
 from advercity_mitsuba.weathering import GroundMaps, build_weather_tables
 
 RASTER_SAMPLES, RASTER_PATH_DEPTH = 4, 3
-"""Samples of a pixel, and bounces, under profiles that ask for a raster."""
+"""Samples of a pixel, and bounces, under raster profiles."""
 
 
 class MitsubaRenderer:
-    """Renders one world under an atmosphere that may change."""
+    """Renders one world under a changeable atmosphere."""
 
     def __init__(self, world: World, atmosphere: Atmosphere, profile: RenderProfile) -> None:
         activate_variant()
@@ -46,7 +46,7 @@ class MitsubaRenderer:
         self._light = upload_light(atmosphere)
 
     def change_atmosphere(self, atmosphere: Atmosphere) -> None:
-        """Replace the air and light of the frames that are placed from now on."""
+        """Replace the air and light of all frames placed from now on."""
         activate_variant()
         self._atmosphere = atmosphere
         self._light = upload_light(atmosphere)
@@ -84,11 +84,11 @@ class MitsubaRenderer:
         normal = np.array(guides.normal, np.float32).T.reshape(*size, 3)
         if is_raster or self._profile.denoise:
             albedo = np.array(guides.albedo, np.float32).T.reshape(*size, 3)
-            # Of what fog hides, the denoiser would draw outlines into the glow of lamps.
+            # The denoiser would draw outlines of fogged surfaces into the glow of lamps.
             clear = np.array(guides.clearness, np.float32).reshape(*size, 1)
             veiled = 1.0 + clear * (albedo - 1.0), clear * normal
             light = denoise(light, *(guide.astype(np.float32) for guide in veiled))
-        # Lenses have no noise, and the denoiser would smear them into what they outshine.
+        # Lenses have no noise, and the denoiser would smear them into the darker pixels around.
         light = light + np.array(lenses, np.float32).T.reshape(*size, 3)
         depth = np.array(guides.depth, np.float32).reshape(size)
         semantic = np.array(guides.semantic, np.uint8).reshape(size)
@@ -125,7 +125,7 @@ class MitsubaRenderer:
         return self._images
 
     def _compute_seed(self, view: CameraView) -> int:
-        """Derive a seed from frame and view alone, so that no image depends on the one before."""
+        """Derive a seed from frame and view alone: no image depends on the one before."""
         pose = view.world_from_camera.astype("<f8").tobytes().hex()
         key = "mitsuba", self._frame_index, view.width_px, view.height_px, pose
         return int(create_generator(*key).integers(2**31))

@@ -1,8 +1,8 @@
 """Rooms behind the panes of buildings: interior mapping (van Dongen 2008), as shaders have it.
 
 A ray is followed to the walls of a box, and to furniture in it. `rooms.glsl` has the same, and
-`advercity.scene.rooms` says what the coordinates of panes mean. Axes of a room are to the
-right, up and inward, from the lower left corner of its window.
+`advercity.scene.rooms` defines the coordinates of panes. Axes of a room are to the right, up and
+inward, from the lower left corner of its window.
 """
 
 from dataclasses import dataclass
@@ -65,17 +65,17 @@ def compute_room_albedo(
     ray: Any,
     pixel_m: Any,
 ) -> Any:
-    """Compute the albedo that a pane seems to have by what is behind it.
+    """Compute the apparent albedo of a pane by the room behind it.
 
     Args:
         kind: Number of the material's `Texture`.
-        base: Mean albedo, which it fades to.
+        base: Mean albedo, to which it fades.
         is_lit: Whether the lamp of the room is lit.
         at: Coordinates of the mesh.
-        scale: Metres per unit of these, 0 where a pane has none.
+        scale: Metres per unit of these, 0 without any.
         axes: To the right, up and out of the wall.
         ray: Direction of sight.
-        pixel_m: Width that a pixel sees at that distance, across the ray.
+        pixel_m: Width of a pixel at the surface, across the ray.
     """
     code = mi.Vector2i(dr.floor(at))
     window = 0.5 * scale
@@ -209,10 +209,10 @@ def _find_albedo(room: _Room, hit: _RoomHit, at: Any, pixel_m: Any) -> Any:
 
 
 def _compute_light(room: _Room, at: Any, normal: Any) -> Any:
-    """Compute light on a surface relative to that on the pane.
+    """Compute light on a surface relative to the light on the pane.
 
-    The window's own, and by the split-flux method what the room reflects; shops have lamps by day,
-    too. By night it is relative to the mean of the lamp under the ceiling.
+    It is the window's own, and by the split-flux method the room's reflection; shops have lamps by
+    day, too. By night it is relative to the mean of the lamp under the ceiling.
     """
     size, window = room.high - room.low, room.window
     lamp = mi.Vector3f(0.5 * (room.low.x + room.high.x), room.high.y - 0.5, 0.5 * room.high.z)
@@ -228,7 +228,7 @@ def _compute_light(room: _Room, at: Any, normal: Any) -> Any:
 
 
 def _compute_cover(room: _Room, cover: Any, base: Any, at: Any, pixel_m: Any) -> tuple[Any, Any]:
-    """Compute whether a curtain or blind is seen, and the albedo that it seems to have."""
+    """Compute whether a curtain or blind is seen, and its apparent albedo."""
     window = room.window
     aside = dr.minimum(at.x, window.x - at.x) / window.x
     is_curtain = (cover == 1) & (aside < CURTAIN_FRACTION)

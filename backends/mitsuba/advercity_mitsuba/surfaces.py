@@ -1,4 +1,4 @@
-"""Optical properties of the surfaces that meshes consist of, as a table of rows for the kernels."""
+"""Optical properties of meshes' surfaces, as a table of rows for the kernels."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from advercity.rendering.raycaster import MATERIAL_INDEX, MATERIAL_NAMES
 
 COLUMNS = 12
 """Numbers of a row: albedo (3), roughness; metallic, texture, lens, flags; images, their width,
-positive along the world's axes and negative along the mesh's, and two that are free."""
+positive along the world's axes and negative along the mesh's, and two free ones."""
 
 
 class SurfaceFlag(IntFlag):
-    """What else a surface is."""
+    """Further properties of a surface."""
 
     SNOWLESS = 1
     PANE = 2
-    """Glass that is seen through."""
+    """Transparent glass."""
     PAINTED = 4
     """All but the images is of the actor's paint."""
 
@@ -41,7 +41,7 @@ class SurfaceTable:
     """Rows of all materials of the core's table in its order, and of their variants in meshes.
 
     Attributes:
-        map_names: Names of the images that surfaces have, by number.
+        map_names: Names of the surfaces' images, by number.
     """
 
     def __init__(self, maps: Mapping[str, MaterialMaps]) -> None:

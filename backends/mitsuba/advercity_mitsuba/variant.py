@@ -1,6 +1,6 @@
-"""Mitsuba and Dr.Jit in the variant that this machine runs.
+"""Mitsuba and Dr.Jit in this machine's variant.
 
-Mitsuba has one variant at a time in a process; whoever uses it chooses first.
+Mitsuba has one variant at a time in a process; choose it before the first use.
 """
 
 from importlib import import_module
@@ -13,7 +13,7 @@ _VARIANT = find_device().variant
 mi: Any = import_module("mitsuba")
 """Mitsuba's types and functions."""
 dr: Any = import_module("drjit")
-"""Dr.Jit, which compiles what is computed with Mitsuba's arrays."""
+"""Dr.Jit, which compiles computations with Mitsuba's arrays."""
 
 
 def activate_variant() -> None:

@@ -33,9 +33,9 @@ from advercity_mitsuba.reflection import VARNISH_INDEX, Surface
 from advercity_mitsuba.variant import dr, mi
 
 LOGISTIC = 1.702
-"""Slope of the logistic law that approximates the normal distribution."""
+"""Slope of the logistic law in place of the normal distribution."""
 RIPPLE_WAVELENGTH_M = 0.04
-"""Wavelength of the ripples that rain makes in puddles."""
+"""Wavelength of the ripples of rain in puddles."""
 FILMLESS_TEXTURES = (
     Texture.GRASS,
     Texture.SOIL,
@@ -49,7 +49,7 @@ FILMLESS_TEXTURES = (
 
 @dataclass(frozen=True, eq=False)
 class WeatherTables:
-    """What lies on the surfaces of a world, on the device; numbers are as `SurfaceWeather` has.
+    """Water, ice and snow on a world's surfaces, on the device; numbers as in `SurfaceWeather`.
 
     Attributes:
         has_snow: Whether snow lies anywhere.
@@ -139,8 +139,8 @@ def compute_wear(w: WeatherTables, p: Any, footprint: Any) -> tuple[Any, Any]:
     """Compute the wear of a carriageway.
 
     Returns:
-        How much more tyres polish it than the mean of its lane (up to 1), and what tyres, oil and
-        the age of its paving change of its albedo.
+        Excess of polish by tyres over the mean of its lane (up to 1), and the change of its albedo
+        by tyres, oil and the age of its paving.
     """
     uv = (mi.Point2f(p.x, p.y) - w.wear_extent.xy) * w.wear_extent.zw
     inside = dr.all((uv >= 0.0) & (uv <= 1.0))
@@ -150,7 +150,7 @@ def compute_wear(w: WeatherTables, p: Any, footprint: Any) -> tuple[Any, Any]:
 
 
 def _cover_fraction(fraction: Any, noise: Any, sigma: float, kept: Any, soft: float) -> Any:
-    """Compute the coverage of a pixel by patches: noise above the threshold that is exceeded.
+    """Compute the coverage of a pixel by patches of noise above a threshold.
 
     Noise finer than the pixel's footprint is not resolved and blends.
     """
@@ -198,7 +198,7 @@ def _ripple_normal(w: WeatherTables, p: Any, footprint: Any) -> Any:
 
 
 def _snowfall_fraction(w: WeatherTables, p: Any) -> Any:
-    """Compute the fraction of falling snow that arrives, less under trees and roofs."""
+    """Compute the fraction of falling snow on the ground, less under trees and roofs."""
     clearance, offset = 0.4, 0.7
     total = mi.Float(0.0)
     for x, y in ((0, 0), (-1, 1), (1, -1), (-1, -1), (1, 1)):
@@ -209,7 +209,7 @@ def _snowfall_fraction(w: WeatherTables, p: Any) -> Any:
 
 
 def _rainfall_fraction(w: WeatherTables, p: Any) -> Any:
-    """Compute the fraction of rain that arrives, none under decks."""
+    """Compute the fraction of rain on the ground, none under decks."""
     tolerance, offset = 0.05, 0.5
     if not w.has_decks:
         return mi.Float(1.0)
@@ -222,7 +222,7 @@ def _rainfall_fraction(w: WeatherTables, p: Any) -> Any:
 
 
 def _patch_noise(p: Any, footprint: Any) -> tuple[Any, Any]:
-    """Evaluate noise of ragged patches, and the fraction of its contrast that is resolved."""
+    """Evaluate noise of ragged patches, and the resolved fraction of its contrast."""
     gain, wavelength, weight = 0.75, 2.1, 0.38
     total, resolved, everything = mi.Float(0.0), mi.Float(0.0), 0.0
     q = p + 0.25 * mi.Point2f(value_noise(p / 1.3, 94), value_noise(p / 1.3, 95))
@@ -286,16 +286,16 @@ def build_surface(
     Dorf 1988). On smooth ones, such as car paint, water only beads.
 
     Args:
-        w: What lies on surfaces.
-        albedo: Of the dry material.
+        w: Weather on surfaces.
+        albedo: Albedo of the dry material.
         roughness: Microfacet roughness, 0 to 1.
         metallic: 0 for dielectrics, 1 for bare metal.
         kind: Number of the material's `Texture`.
         snowless: Whether snow does not stay on it.
         position: Points of the world, metres.
         normal: Unit vectors.
-        relief: The normal with what images add to it.
-        footprint: Width that a pixel sees, metres.
+        relief: The normal with the relief of images.
+        footprint: Width of a pixel on the surface, metres.
     """
     porous = smoothstep(0.45, 0.6, roughness) * (1.0 - metallic)
     if not w.is_wet:
@@ -373,7 +373,7 @@ def _wet_surface(
     waves = still + 1.41 * waves * (1.0 - retained_contrast(RIPPLE_WAVELENGTH_M, footprint))
     filmed_alpha = dr.lerp(filmed, glazed, ice)
     alpha = dr.lerp(dr.lerp(roughness * roughness, filmed_alpha, film), waves, puddle)
-    # A film levels the relief that it covers.
+    # A film levels the relief under it.
     levelled = dr.normalize(dr.lerp(relief, normal, 0.7 * film))
     flooded = (puddle > 0.5) & (ice < 0.5)
     return Surface(

@@ -1,4 +1,4 @@
-"""Skips the tests of pictures where Mitsuba, or what it compiles its kernels with, is missing."""
+"""Skips the tests of pictures without Mitsuba, or without a device for its kernels."""
 
 import pytest
 from advercity_mitsuba import MitsubaBackend

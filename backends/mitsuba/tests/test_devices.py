@@ -1,4 +1,4 @@
-"""Finding what Mitsuba compiles its kernels with."""
+"""Finding a device for Mitsuba's kernels."""
 
 import os
 import subprocess
@@ -13,7 +13,7 @@ from advercity.errors import BackendError
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The only folder that is searched."""
+    """The only searched folder."""
     monkeypatch.delenv(devices.LIBRARY_VARIABLE, raising=False)
     monkeypatch.setattr(devices, "find_library_folders", lambda: [tmp_path])
     return tmp_path

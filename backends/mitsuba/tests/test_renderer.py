@@ -1,4 +1,4 @@
-"""Pictures of Mitsuba mean what those of SAPIEN and the core's rays mean."""
+"""Pictures of Mitsuba agree with SAPIEN's and with the core's rays."""
 
 import math
 from dataclasses import replace
@@ -392,7 +392,7 @@ def test_frames_come_in_any_order(backend: MitsubaBackend) -> None:
 
 @pytest.mark.usefixtures("backend")
 class TestContract(BackendContract):
-    """What every backend keeps."""
+    """Promises of every backend."""
 
     def make_backend(self) -> Backend:
         return MitsubaBackend()
