@@ -21,7 +21,7 @@ def load_arrays(path: Path, *, max_bytes: int) -> dict[str, NDArray[Any]]:
 
     Args:
         path: The file.
-        max_bytes: What it may take unpacked.
+        max_bytes: Most bytes after unpacking.
 
     Raises:
         RunError: It cannot be read, is no such file, is damaged, or is larger.

@@ -27,7 +27,7 @@ def escape_control_characters(text: str) -> str:
 class AdvercityError(Exception):
     """Base of all expected errors; the message is for the user, without a traceback.
 
-    Each argument is a line. What a line quotes from files and file names cannot break it.
+    Each argument is a line. Quotes from files and file names cannot break a line.
     """
 
     def __str__(self) -> str:

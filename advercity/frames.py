@@ -38,7 +38,7 @@ class Lamp(IntFlag):
 
 
 class Signal(IntEnum):
-    """What a traffic light shows."""
+    """Shown light of a traffic light."""
 
     RED = 0
     YELLOW = 1

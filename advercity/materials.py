@@ -44,7 +44,7 @@ class Texture(IntEnum):
     CROWN = 15
     ROOM = 16
     SHOP = 17
-    """What is seen of a room or a shop behind a pane; by night its lamp may light it."""
+    """View into a room or a shop behind a pane; by night its lamp may light it."""
 
 
 FACET_SLOPES_DEG = {
@@ -251,7 +251,7 @@ MATERIALS: dict[str, Material] = {
         texture=Texture.ASPHALT,
         maps="asphalt",
     ),
-    # What cracks and joints are sealed with.
+    # Seal of cracks and joints.
     "bitumen": Material(
         (0.05, 0.05, 0.053),
         0.06,

@@ -266,7 +266,7 @@ def hash_tree(folder: Path) -> dict[str, str]:
 
 
 class BackendContract:
-    """What every backend keeps: inherit it in a test class and define `make_backend`.
+    """The contract of every backend: inherit it in a test class and define `make_backend`.
 
         class TestMyBackend(BackendContract):
             def make_backend(self) -> Backend:

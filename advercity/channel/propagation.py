@@ -21,7 +21,7 @@ Environment = Literal["urban", "highway"]
 
 
 class PathState(Enum):
-    """What is between two antennas."""
+    """Obstacles between two antennas."""
 
     LOS = "los"
     """Nothing."""
@@ -36,7 +36,7 @@ class RadioPath:
     """The straight path between two antennas.
 
     Attributes:
-        state: What is on it.
+        state: Obstacles on it.
         distance_m: Its length.
         antenna_heights_m: Heights of the two antennas over the road.
         blocker: Id of the tallest vehicle on it; 0 if there is none.

@@ -24,7 +24,7 @@ FIELDS = {
     "mie_scattering_scale": _FROM_ATMOSPHERE,
     "rayleigh_scattering_scale": _FROM_ATMOSPHERE,
 }
-"""What to write for each of the fields of `carla.WeatherParameters`."""
+"""Replacement for each field of `carla.WeatherParameters`."""
 
 
 def suggest_for_carla_field(value_path: ValuePath) -> str:

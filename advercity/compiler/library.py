@@ -215,7 +215,7 @@ def load_declaration(path: Path) -> LibraryEntry[Declaration]:
 
 
 def find_declaration_file(name: str, *folders: Path) -> Path:
-    """Find the file of a declaration in a library by its name, which is that of its file.
+    """Find the file of a declaration in a library by its name, which is also the file's.
 
     Raises:
         InputError: There is none, or there are several of different kinds.

@@ -1,4 +1,4 @@
-"""What an OpenStreetMap extract has along its streets: buildings, trees, lamps, fields, water."""
+"""Surroundings in OpenStreetMap extracts: buildings, trees, lamps, fields, water."""
 
 import re
 from collections.abc import Iterator

@@ -36,7 +36,7 @@ from advercity.roads.map_files import is_lanelet2_file
 from advercity.roads.recorded_programs import RecordedPrograms, replace_programs
 
 MAX_DURATION_S = 180.0
-"""What is taken of a recording if its end is not given."""
+"""Longest part taken of a recording without a given end."""
 MAX_PLACE_M = 1e7
 """Farthest place from the origin of a map, the bound of `Metres`."""
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 89, 180
@@ -72,7 +72,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class ReplayChoice:
-    """What a user chooses of a recording; see `advercity import trajectories --help`."""
+    """Choices of a user about a recording; see `advercity import trajectories --help`."""
 
     name: str | None = None
     ego: str | None = None
@@ -182,7 +182,7 @@ def write_recorded_road(
 def _describe_problem(found: Diagnostic, site: str, site_name: str) -> str:
     """Describe a problem of the library without its place, since its files are gone by then.
 
-    What depends on the user is the map, which has another name there.
+    The user can change the map, which has another name there.
     """
     hint = f"; {found.hint}" if found.hint else ""
     return f"{site}: {found.message.removeprefix(f'{site_name}: ')}{hint}"

@@ -22,7 +22,7 @@ def find_shipped_library() -> Path:
 
 
 def copy_shipped_library(folder: Path) -> Path:
-    """Copy the library that ships into a new folder and return the folder.
+    """Copy advercity's library into a new folder and return the folder.
 
     Raises:
         InputError: The folder exists, or is in a dataset.

@@ -77,7 +77,7 @@ class UnstageableError(Exception):
 
 
 Turns = tuple[RoadConflicts, ...]
-"""What the scenarios of a road stage in turn, from repeat to repeat."""
+"""Staged conflicts of a road's scenarios in turn, from repeat to repeat."""
 
 
 def select_conflicts(

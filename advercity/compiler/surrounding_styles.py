@@ -1,4 +1,4 @@
-"""What is along every street of a road with a style: buildings, trees, masts, furniture."""
+"""Surroundings of every street of a road with a style: buildings, trees, masts, furniture."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ MAST_CLEARANCE_M = 0.6
 
 @dataclass(frozen=True)
 class _Style:
-    """What is along a street, as bands of offsets from its paving, and how far masts are apart.
+    """Surroundings of a street, as bands of offsets from its paving, and distances of masts.
 
     Furniture is in pieces per 100 m of a side.
     """

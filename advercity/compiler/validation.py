@@ -36,7 +36,7 @@ YAML_1_1_BOOLEANS = {
 
 MAX_DESCRIBED = 2 * MAX_LISTED
 MessageAndHint = tuple[str, str]
-"""What is wrong, and how to correct it; the hint may be empty."""
+"""The error, and its correction; the hint may be empty."""
 
 
 class FieldError(NamedTuple):

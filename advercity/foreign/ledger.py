@@ -42,7 +42,7 @@ class Ledger:
 
     @property
     def left_out(self) -> tuple[LeftOut, ...]:
-        """What is left out, in the order of its first place."""
+        """Omitted parts, in the order of their first places."""
         return tuple(
             LeftOut(name=name if item.count == 1 else item.plural, count=item.count, line=item.line)
             for name, item in self._entries.items()

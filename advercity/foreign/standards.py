@@ -48,7 +48,7 @@ def raise_refusal(element: Element, reason: str) -> None:
 
 @dataclass(frozen=True)
 class Standard:
-    """What is done with every part of a format.
+    """Treatment of every part of a format.
 
     Attributes:
         name: Name and version of the standard.

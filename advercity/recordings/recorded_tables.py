@@ -57,11 +57,11 @@ CLASSES: Mapping[str, ActorClass] = {
     "person": "pedestrian",
 }
 ID_PATTERN = r"[A-Za-z0-9_.:-]{1,64}"
-"""What a road may call a track, `TrackId`."""
+"""Valid names of tracks in a road, `TrackId`."""
 MAX_TIME_S = 1e6
 """Latest time for a road, `RecordedTime`."""
 PEDESTRIAN_OR_BICYCLE = "pedestrian/bicycle"
-"""What INTERACTION calls both."""
+"""INTERACTION's class for both."""
 MAX_WALKING_SPEED_M_S = 3.0
 """A walker faster than this at any time rides a bicycle."""
 
@@ -98,7 +98,7 @@ class Layout:
     """A published layout of columns.
 
     Attributes:
-        name: Its name, also that of its row in the table of columns.
+        name: Its name, also of its row in the table of columns.
         marks: Columns missing in the other layouts.
         columns: Required columns.
         read: Reads a table in this layout.

@@ -25,8 +25,8 @@ class Track:
 
     Attributes:
         id: Its name in the recording.
-        actor_class: What it is.
-        size: Length, width and height in metres; 0 where the recording does not say.
+        actor_class: Its class.
+        size: Length, width and height in metres; 0 if unknown.
         times_s: (n,) times of the samples, rising.
         places: (n, 2) centre of its box, east and north in metres.
         headings_rad: (n,) counter-clockwise from east, without jumps by full turns.

@@ -88,7 +88,7 @@ class SumoLane:
 
     @property
     def kind(self) -> str:
-        """What it is in annotations: driving, parking, shoulder, sidewalk or crossing."""
+        """Its kind in annotations: driving, parking, shoulder, sidewalk or crossing."""
         if self.function == "crossing":
             return "crossing"
         if self.function == "walkingarea" or self.allowed_classes == frozenset({"pedestrian"}):

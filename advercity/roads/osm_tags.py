@@ -1,4 +1,4 @@
-"""What of an OpenStreetMap extract's tags is not taken over."""
+"""Omitted tags of OpenStreetMap extracts."""
 
 import re
 from collections.abc import Set

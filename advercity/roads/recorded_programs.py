@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement
 from advercity.foreign.xml_documents import parse_xml, to_xml_bytes
 
 LAST_PHASE_S = 1e6
-"""What was shown last goes on."""
+"""Duration of the last recorded state, which goes on."""
 RecordedPrograms = Mapping[str, Sequence[tuple[float, str]]]
 """Times in seconds and states, as they change, by the id of a light."""
 

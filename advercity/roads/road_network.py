@@ -26,7 +26,7 @@ from advercity.roads.streets import StreetLayout, StripLayout, name_crossing_sig
 
 
 class RoadNetwork(Protocol):
-    """What lanes, terrain, surroundings and traffic need of a road.
+    """Facts about a road for lanes, terrain, surroundings and traffic.
 
     It is built once per world and passed on: laying out a road takes 40 ms, its areas longer.
     """

@@ -34,7 +34,7 @@ _READ_BY_NETCONVERT = {
     "connection": "pass contPos allow disallow speed length shape uncontrolled",
     "prohibition": "prohibitor prohibited",
 }
-"""What netconvert makes shapes, limits and rights of way of; SUMO itself does not need it."""
+"""Sources of netconvert's shapes, limits and rights of way; SUMO itself does not need them."""
 _KEPT_CHILDREN = {"edge": ("lane",), "tlLogic": ("phase",), "junction": ("request",)}
 _KEPT_ELEMENTS = ("edge", "tlLogic", "junction", "connection", "roundabout", "poly")
 _LOCATION = {

@@ -56,8 +56,8 @@ class Radio(CompactModel):
     sensitivity_dbm: Annotated[DecibelMilliwatts, Field(ge=-120, le=-40)] = -82
     """Lowest received power at which a message is decoded."""
     antenna_above_roof_m: Annotated[Metres, Field(ge=0.01, le=3)] = 0.1
-    """Height of a vehicle's antenna over the middle of its roof. That of a roadside unit is where
-    the unit is."""
+    """Height of a vehicle's antenna over the middle of its roof. A roadside unit's antenna is at
+    the unit."""
     shadowing: Flag = True
     """Whether the path loss varies from place to place."""
     shadow_decorrelation_m: Annotated[Metres, Field(ge=0.1, le=1000)] = 10

@@ -31,8 +31,8 @@ Manoeuvre = Literal["straight", "left", "right"]
 CrashRole = Literal["subject", "other"]
 """Role in a crash; the subject's action is the critical one."""
 Behaviour = Literal["stops_short", "steers_clear", "drifts", "overtakes", "stands", "drives"]
-"""What an actor does: it stops short of the ego's path, leaves the path sideways, drifts over the
-centre line and back, overtakes on the ego's side, stays parked, or drives on."""
+"""Behaviour of an actor: it stops short of the ego's path, leaves the path sideways, drifts over
+the centre line and back, overtakes on the ego's side, stays parked, or drives on."""
 ApproachDirection = Literal[
     "nearside",
     "farside",
@@ -185,7 +185,7 @@ class ActorRole(Model):
     comes: ApproachDirection
     """Direction of approach, relative to the ego."""
     behaviour: Behaviour = "stops_short"
-    """What it does at the conflict point."""
+    """Behaviour at the conflict point."""
     violates: Literal["signal"] | None = None
     """Traffic control violated by it, unless it has green together with the ego."""
 

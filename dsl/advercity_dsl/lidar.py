@@ -56,7 +56,7 @@ class LidarBeam(CompactModel):
 
 
 class LidarReceiver(CompactModel):
-    """What a receiver detects, as data sheets state it: how far a target of 10 % is detected."""
+    """Sensitivity of a receiver, as in data sheets: the detection range of a target of 10 %."""
 
     range_at_10_percent_m: Annotated[PositiveMetres, Field(ge=1, le=1000)] = 80
     """Detection range in clear air of a target of 10 % that faces the sensor."""

@@ -28,7 +28,7 @@ from advercity.geometry.poses import Matrix
 from advercity.output_files import check_output
 
 _TRAINED_BY: dict[Fusion, Fusion] = {"late": "none", "early": "none"}
-"""What else a detector may have been trained with: it sees the boxes or the points of others."""
+"""Other fusion a detector may have been trained with: it sees the boxes or the points of others."""
 _OF_BOXES: tuple[Fusion, ...] = ("none", "late")
 """Fusions in which each station finds boxes by itself."""
 MAX_BOXES = 200

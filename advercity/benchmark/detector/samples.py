@@ -16,11 +16,11 @@ from advercity.geometry.arrays import Float32Array, Float64Array
 from advercity.geometry.poses import Matrix
 
 EGO_AREA: Area = RANGE_M
-"""What is evaluated: 140 m ahead and behind, 40 m to the sides."""
+"""Evaluated area: 140 m ahead and behind, 40 m to the sides."""
 STATION_AREA: Area = (72.0, 72.0)
-"""What others tell of: wherever the ego is in range, and however they face."""
+"""Area of others' detections: wherever the ego is in range, and however they face."""
 TRAINING_AREA: Area = (100.0, 40.0)
-"""What is learned from, for any station: farther away, there is little to learn from."""
+"""Area of training, for any station: farther away, there is little to learn from."""
 MIN_POINTS = 3
 """Least points of an object; objects with fewer are neither right nor wrong."""
 MIN_VISIBLE = 0.2

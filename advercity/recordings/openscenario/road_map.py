@@ -25,7 +25,7 @@ SLOPE_STEP_M = 0.05
 """Half the distance over which the direction of a lane is measured."""
 SAMPLE_STEP_M = 2.0
 MAX_ASIDE_M = 5.0
-"""What is farther from all lanes is on none."""
+"""Beyond this distance from all lanes, a point is on none."""
 MAX_LINKS = 10_000
 """Most lanes in one step."""
 

@@ -67,7 +67,7 @@ class LaneSection:
 
 @dataclass(frozen=True)
 class RoadLink:
-    """What is before or behind a road: another road and its end, or a junction."""
+    """The neighbour of a road at an end: another road and its end, or a junction."""
 
     element_type: Literal["road", "junction"]
     id: str
