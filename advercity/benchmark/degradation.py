@@ -28,7 +28,7 @@ MIN_POINTS = 5
 RADAR_BEARING_RAD = np.deg2rad(45.0)
 """Evaluated angle to either side of a radar in the bumper."""
 LOGARITHMIC_RATIO = 20.0
-"""Of the highest swept value to the lowest, from which the axis is logarithmic."""
+"""Ratio of the highest swept value to the lowest from which the axis is logarithmic."""
 
 
 def tabulate_degradation(

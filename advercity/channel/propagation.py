@@ -24,7 +24,7 @@ class PathState(Enum):
     """Obstacles between two antennas."""
 
     LOS = "los"
-    """Nothing."""
+    """Free path."""
     NLOSV = "nlosv"
     """Vehicles."""
     NLOS = "nlos"

@@ -53,7 +53,7 @@ class CameraInfo(Model):
     distortion_model: Literal["plumb_bob", "rational_polynomial", "equidistant"]
     distortion_coefficients: CoefficientRow
     rectification_matrix: Any = None
-    """Of rectified images, as the next one."""
+    """Matrix of rectified images, as the next one."""
     projection_matrix: Any = None
     carrier_from_camera: Any = None
     first_row_time: Any = None

@@ -73,8 +73,8 @@ class LibraryEntry(Generic[DeclarationT]):
         source: Data and positions.
         digest: SHA-256 of the data, with `extends` merged.
         distributions: Distributions of a weather.
-        left_out: Of a road with agents at several junctions, those where they cannot be, and why.
-        elsewhere: Of a road whose ego may come from any arm, the same with it on the others.
+        left_out: Junctions where a road's agents cannot be, and the reasons.
+        elsewhere: The road with its ego on the other arms, if it may come from any.
     """
 
     declaration: DeclarationT

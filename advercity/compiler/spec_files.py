@@ -114,7 +114,7 @@ def _compare_file(path: Path, text: str) -> str:
 
 
 def _has_text(path: Path, text: str) -> bool:
-    """Return whether a path is a regular file with this text; nothing else is opened."""
+    """Return whether a path is a regular file with this text; other kinds are not opened."""
     with suppress(InputError, OSError):
         return read_bytes(path, max_bytes=MAX_JSON_BYTES) == text.encode()
     return False

@@ -21,9 +21,9 @@ from advercity.roads.routes import RoutePlanner
 from advercity.roads.streets import StreetLayout
 
 JUNCTION_MARGIN_M = 8.0
-"""Distance from the ends of a street within which nothing is set."""
+"""Free distance from the ends of a street."""
 MIN_STREET_M = 30.0
-"""Shorter streets, which lie between junctions, have nothing along them."""
+"""Shorter streets, which lie between junctions, have no surroundings."""
 MAST_OFFSET_M = 1.0
 """Distance of lamps, poles and furniture from the paving."""
 MAST_CLEARANCE_M = 0.6

@@ -1,1 +1,1 @@
-"""Poses, polylines, plane curves and triangle meshes; knows nothing of roads or sensors."""
+"""Poses, polylines, plane curves and triangle meshes, independent of roads and sensors."""

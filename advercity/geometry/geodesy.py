@@ -28,7 +28,7 @@ class Geodetic:
     altitude_m: float = 0.0
     """Height above the ellipsoid, not above sea level."""
     convergence_deg: float = 0.0
-    """Of the origin of a frame: bearing of the frame's y axis, clockwise from true north."""
+    """Bearing of the frame's y axis at its origin, clockwise from true north."""
 
 
 def find_world_origin(road: Road) -> Geodetic:

@@ -137,7 +137,7 @@ class StationedPolyline:
 
 
 MITRE_LIMIT = 2.0
-"""At sharp corners the offset point moves no further than this times the offset."""
+"""Largest move of an offset point at sharp corners, relative to the offset."""
 
 
 def offset_polyline(line: Points, lateral_m: float) -> Points:

@@ -210,7 +210,7 @@ def _read_rate_hz(path: Path) -> float:
 
 
 def _read_companion(path: Path, name: str, columns: Sequence[str]) -> Table:
-    """Read `NN_<name>.csv`, which is beside `NN_tracks.csv`."""
+    """Read `NN_<name>.csv`, next to `NN_tracks.csv`."""
     other = path.with_name(path.name.replace("tracks", name, 1))
     if other == path or not other.is_file():
         message = f"needs {other.name if other != path else f'NN_{name}.csv'}, which is not there"

@@ -22,7 +22,7 @@ MAX_TABLE_BYTES = 1_000_000_000
 MAX_ROWS = 20_000_000
 PARQUET_SUFFIXES = (".parquet", ".pq")
 _LINE_END = re.compile(r"[\r\n]")
-"""Of old Macintosh systems, too."""
+"""Ends of lines, also of old Macintosh systems."""
 
 
 @dataclass(frozen=True, eq=False)

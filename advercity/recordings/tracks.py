@@ -12,11 +12,11 @@ from advercity.errors import InputError
 MAX_GAP_S = 1.0
 """Longest interpolated time between two samples."""
 MAX_SIZE_M = 50.0
-"""Of a road user, in each direction."""
+"""Largest size of a road user, in each direction."""
 MAX_SPEED_M_S = 100.0
 """Faster ones have jumped, or are in other units."""
 MIN_HEADING_SPEED_M_S = 0.3
-"""Below this speed the direction of motion says nothing of the heading."""
+"""Below this speed the direction of motion does not show the heading."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ class LaneUse:
 
     @property
     def is_closed(self) -> bool:
-        """Whether nobody may use it."""
+        """Whether it is closed to all."""
         return self.permission == ("disallow", "all")
 
 

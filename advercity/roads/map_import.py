@@ -23,7 +23,7 @@ from advercity.roads.sumo_plan import plan_network
 from advercity.roads.sumo_xml import pack_network, sanitize_network
 
 MAX_LANE_WIDTH_M = 60.0
-"""As of a declared strip."""
+"""Limit of a declared strip."""
 PLANNERS: Mapping[str, Callable[[Element, Road, MapFile, Ledger], MapPlan]] = {
     "lanelet2": plan_lanelet2,
     "opendrive": plan_opendrive,

@@ -126,7 +126,7 @@ def get_map_id(edge: str) -> str:
 
 
 def _name_street(name: str) -> str:
-    """Name a street as the map does, by an id; an empty text if nothing is left of its name."""
+    """Name a street as the map does, by an id; empty if no part of its name is left."""
     plain = _slug(name)
     return f"street_{plain}" if plain[:1].isdigit() or plain in ARM_WORDS else plain
 

@@ -27,9 +27,9 @@ CARRIAGEWAY_PROBES = (0.25, 0.5, 0.75)
 MIN_CARRIAGEWAY_GAP_M, MAX_CARRIAGEWAY_GAP_M = 2.0, 20.0
 """Between the centre lines of the halves; streets with houses between them are farther apart."""
 MAX_CARRIAGEWAY_COSINE = -0.9
-"""Of the angle between the directions of the halves, which are nearly opposite."""
+"""Largest cosine between the directions of the halves, which are nearly opposite."""
 ELEMENT_ORDER = {"node": 1, "way": 2, "relation": 3}
-"""Of an extract, as netconvert needs it."""
+"""Order of elements in an extract, as required by netconvert."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class OsmMap:
 
     Attributes:
         root: The document.
-        origin: Where the world frame has its origin.
+        origin: Origin of the world frame.
         is_mirrored: Whether places are east and south of it instead of east and north.
     """
 

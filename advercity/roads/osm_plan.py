@@ -45,8 +45,8 @@ OSM_OPTIONS = {
 }
 TYPES = Path(sumo.SUMO_HOME) / "data" / "typemap"
 URBAN_TYPES = ",".join(str(TYPES / f"osmNetconvert{name}.typ.xml") for name in ("", "UrbanDe"))
-"""Of streets of towns: 50 km/h, motorways 100, where the map has no limit; SUMO's own else has 100
-km/h for `secondary`."""
+"""Limits of streets in towns without one in the map: 50 km/h, motorways 100. Without these files,
+SUMO has 100 km/h for `secondary`."""
 
 
 def plan_extract(root: Element, road: Road, declared: MapFile, ledger: Ledger) -> MapPlan:

@@ -100,9 +100,9 @@ SPEED_WARNINGS = (
     "junctions.limit-turn-speed.warn.straight",
     "junctions.limit-turn-speed.warn.turn",
 )
-"""From which speed on netconvert warns of left turns across traffic and of bends in junctions.
-
-At the limits of country roads there are both; programs are declared, and vehicles know bends."""
+"""Options with the speeds from which netconvert warns of left turns across traffic and of bends in
+junctions. The limits of country roads are higher; programs are declared, and vehicles know bends.
+"""
 STRIP_PERMISSIONS = {
     StripKind.LANE: {"disallow": "pedestrian"},
     StripKind.SIDEWALK: {"allow": "pedestrian"},

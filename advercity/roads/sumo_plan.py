@@ -1,4 +1,4 @@
-"""SUMO networks of others as netconvert takes them: traffic on the right, and nothing unsafe."""
+"""Foreign SUMO networks, prepared for netconvert: traffic on the right, without unsafe parts."""
 
 import math
 from collections.abc import Iterator

@@ -22,7 +22,7 @@ from advercity.study.recordings import INSTALL_HINT, Recording
 
 SIZE_PX = 224
 MIN_PICTURES = 4
-"""Of fewer, no halves can be compared."""
+"""Least pictures for a comparison of halves."""
 CROPS = 3
 """Squares across the width of a picture: so a few dozen pictures fill a covariance."""
 BATCH = 16

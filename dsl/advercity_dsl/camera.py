@@ -59,9 +59,9 @@ class PointSpread(CompactModel):
     """
 
     centre_mrad: Spread = 0
-    """In the middle of the image."""
+    """Standard deviation in the middle of the image."""
     corner_mrad: Spread = 0
-    """In its corners."""
+    """Standard deviation in its corners."""
 
     @model_validator(mode="after")
     def _check_growth(self) -> Self:

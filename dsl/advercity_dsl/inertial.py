@@ -73,7 +73,7 @@ class ImuErrors(CompactModel):
     calibrated_at_c: Celsius = 25
     """Temperature at which the unit was calibrated."""
     self_heating_c: Annotated[Number, Field(ge=0, le=60)] = 0
-    """By how much a running unit is warmer than the air."""
+    """Excess of a running unit's temperature over the air's."""
     warm_up_s: Annotated[Seconds, Field(ge=1, le=10_000)] = 300
     """Time constant of its warming from the scenario's start on."""
 

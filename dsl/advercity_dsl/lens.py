@@ -47,15 +47,15 @@ class BrownConradyLens(CompactModel):
     model: Literal["brown_conrady"]
     """Selects this model."""
     k1: Coefficient = 0
-    """Of the square of the tangent; negative is a barrel, positive a pincushion."""
+    """Coefficient of the square of the tangent; negative is a barrel, positive a pincushion."""
     k2: Coefficient = 0
-    """Of its fourth power."""
+    """Coefficient of the tangent's fourth power."""
     p1: Annotated[Number, Field(ge=-0.1, le=0.1)] = 0
     """Decentring downwards."""
     p2: Annotated[Number, Field(ge=-0.1, le=0.1)] = 0
     """Decentring to the right."""
     k3: Coefficient = 0
-    """Of its sixth power."""
+    """Coefficient of the tangent's sixth power."""
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -80,13 +80,13 @@ class KannalaBrandtLens(CompactModel):
     model: Literal["kannala_brandt"]
     """Selects this model."""
     k1: Coefficient = 0
-    """Of the square of the angle in radians."""
+    """Coefficient of the square of the angle in radians."""
     k2: Coefficient = 0
-    """Of its fourth power."""
+    """Coefficient of the angle's fourth power."""
     k3: Coefficient = 0
-    """Of its sixth power."""
+    """Coefficient of the angle's sixth power."""
     k4: Coefficient = 0
-    """Of its eighth power."""
+    """Coefficient of the angle's eighth power."""
 
     @property
     def coefficients(self) -> tuple[float, ...]:

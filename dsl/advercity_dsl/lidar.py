@@ -237,7 +237,7 @@ class LidarModel(Declaration):
         Field(ge=820, le=980),
         RangeReason("reflectances and extinctions are those of 905 nm"),
     ] = 905
-    """Wavelength. Nothing depends on it: within its bounds materials and air hardly do."""
+    """Wavelength, without effect: materials and air hardly change within its bounds."""
     lidar: Lidar
     """Its figures; a rig gives the mount, and may give other figures."""
 

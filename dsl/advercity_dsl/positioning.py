@@ -33,7 +33,7 @@ class SatelliteReceiver(CompactModel):
     cn0_zenith_db_hz: Annotated[Number, Field(ge=30, le=60)] = 48
     """Carrier over noise density of an open signal from the zenith, dB-Hz."""
     cn0_drop_db: Annotated[Decibels, Field(ge=0, le=30)] = 10
-    """By how much it is less at the horizon."""
+    """Loss at the horizon, relative to the zenith."""
     tracking_db_hz: Annotated[Number, Field(ge=10, le=45)] = 25
     """Carrier over noise density below which a signal is lost."""
     carrier_db_hz: Annotated[Number, Field(ge=10, le=50)] = 35
@@ -43,7 +43,7 @@ class SatelliteReceiver(CompactModel):
     loop_hz: Annotated[Hertz, Field(ge=0.05, le=20)] = 1
     """Bandwidth of the tracking of the code."""
     cross_polar_db: Annotated[Decibels, Field(ge=0, le=40)] = 10
-    """By how much the antenna suppresses signals whose polarisation a reflection has turned."""
+    """Suppression of signals whose polarisation a reflection has turned, by the antenna."""
     signal_error_m: Annotated[Metres, Field(ge=0, le=100)] = 0.5
     """Standard deviation of orbit and clock of each satellite."""
     atmosphere_m: Annotated[Metres, Field(ge=0, le=100)] = 1.0

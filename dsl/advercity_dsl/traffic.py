@@ -32,7 +32,7 @@ class SpeedLimits(Model):
     """Speed limits by land use."""
 
     urban: SpeedLimit
-    """In towns."""
+    """Limit in towns."""
     rural: SpeedLimit
     """Outside of towns."""
 

@@ -43,7 +43,7 @@ class TrainingRecord(Model):
     learning_rate: Annotated[float, Field(gt=0, le=1)] = 2e-3
     is_ideal: bool = False
     dataset_sha256: str = ""
-    """Of the names of its scenarios, their specs and the numbers of their frames."""
+    """SHA-256 of its scenarios' names, their specs and the numbers of their frames."""
     start_sha256: str | None = None
     """SHA-256 of the initial detector."""
 

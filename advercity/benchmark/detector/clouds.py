@@ -20,7 +20,8 @@ Fusion = Literal["none", "late", "early", "intermediate"]
 FUSIONS: tuple[Fusion, ...] = get_args(Fusion)
 GROUND_RING_M = (3.0, 25.0)
 GROUND_QUANTILE = 0.01
-"""Of the heights of points in this ring. Few are below the road; in fog most are above it."""
+"""Quantile of the heights of points in this ring. Few are below the road; in fog most are above
+it."""
 
 
 @dataclass(frozen=True, eq=False)

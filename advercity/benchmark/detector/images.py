@@ -23,7 +23,7 @@ HEIGHTS_M = (0.2, 1.0, 2.0)
 IMAGE_PX = (384, 216)
 """Width and height of the reduced images."""
 SMALLEST_PX = 48
-"""Of an image's sides. Rigs without a use for images have one of 16 pixels."""
+"""Least side of an image. Rigs without a use for images have one of 16 pixels."""
 NEAREST_M = 0.5
 OUTSIDE = 2.0
 """Place of a cell in an image without it."""

@@ -24,7 +24,7 @@ HIGHEST_M = 5.0
 """Over the lowest point around: vehicles on a hill are used, crowns of trees are not."""
 PILLAR_FEATURES = 9
 _BIAS = -4.0
-"""Of the heat: at first, hardly anything is found."""
+"""Initial bias of the heat: at first, it finds hardly any object."""
 
 
 class Pillars(nn.Module):

@@ -33,7 +33,7 @@ MAX_GRADIENT = 10.0
 SAVE_EVERY = 100
 BOX_WEIGHT = 1.0
 CELLS_WEIGHT = 3.0
-"""Of the cells together from which a box is learned, on average."""
+"""Weight of all cells of a learned box together, on average."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ STEP_M = 5.0
 
 @dataclass(frozen=True)
 class DistanceKind:
-    """In which frame a distance is measured, in which direction, and whether between boxes."""
+    """Frame and direction of a distance, and whether it is between boxes."""
 
     frame: str
     direction: str

@@ -112,7 +112,7 @@ class Mover:
             self.processes[domain] = process
 
     def leave(self, stage: "Stage") -> None:
-        """Take it from the scenario; nothing moves it any more."""
+        """Take it from the scenario, and end its motion."""
         if self.pose is not None:
             self.samples.append(Sample(stage.time_s, self.pose))
         for process in self.processes.values():

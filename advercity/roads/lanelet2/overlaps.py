@@ -15,7 +15,7 @@ OVERLAP_M = 0.5
 LEVEL_M = 2.0
 """Difference in height from which one lanelet leads over another."""
 OPPOSITE_COSINE = -0.8
-"""Of the angle between lanelets of opposite traffic, which share a narrow road."""
+"""Largest cosine between lanelets of opposite traffic, which share a narrow road."""
 MIDDLE_POINTS = 33
 """Points of the middle of a lanelet, on which overlaps are measured."""
 

@@ -36,7 +36,7 @@ class PlacedNodes:
     Attributes:
         points: Place (3,) of every node by id.
         origin_m: The map's own coordinates of the world's origin.
-        place: Where the world's origin is on the globe, if the map says it.
+        place: Place of the world's origin on the globe, if the map has it.
     """
 
     points: Mapping[str, Points]

@@ -101,7 +101,7 @@ class _Nodes:
         return self._names[self._groups.find(end)]
 
     def list_uncrossed(self) -> Iterator[str]:
-        """List the nodes where pedestrians cross nothing."""
+        """List the nodes without pedestrian crossings."""
         return (name for group, name in self._names.items() if group not in self._crossed)
 
     def build(self) -> Element:

@@ -39,7 +39,7 @@ def record_omissions(root: Element, ledger: Ledger) -> None:
 
 
 def _measure_excess(road: Element) -> float:
-    """Measure by how much a road is longer than its geometries together; 0 if nothing says it."""
+    """Measure the excess of a road's length over its geometries together; 0 if unknown."""
     try:
         pieces = [float(item.get("length", "0")) for item in road.iterfind("planView/geometry")]
         return float(road.get("length", "0")) - sum(pieces) if pieces else 0.0

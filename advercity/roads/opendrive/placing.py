@@ -33,7 +33,7 @@ class PlacedMap:
     Attributes:
         document: The map, mirrored at the x axis if its traffic is on the left.
         origin_m: Its own coordinates of the world's origin.
-        place: Where the world's origin is on the globe, if the map says it.
+        place: Place of the world's origin on the globe, if the map has it.
         driving_side: Side on which traffic drives in the world.
     """
 

@@ -33,8 +33,8 @@ class _Octave:
     """Noise of one wavelength.
 
     Attributes:
-        wavelength_m: Of the lattice.
-        salt: Which noise it is.
+        wavelength_m: Wavelength of the lattice.
+        salt: Key of the noise.
         tone: Contrast.
         hue: Contrast between green (negative) and yellow.
         stretch: Factors of the axes; a height of 0 is noise of the plane.

@@ -146,12 +146,12 @@ def sample_images(
     """Look up images without visible repetition.
 
     Args:
-        images: On the device.
-        number: Of the image.
+        images: Images on the device.
+        number: Number of the image.
         at: Metres to the right and up on the surface.
-        width_m: Of the image.
+        width_m: Width of the image.
         kind: Number of the material's `Texture`.
-        cosine: Of the angle of incidence.
+        cosine: Cosine of the angle of incidence.
         pixel_m: Width of a pixel at the surface, across the ray.
         active: Whether there is an image.
     """
