@@ -89,7 +89,7 @@ def fetch_package(package: AssetPackage, work: Path, source: Path | None) -> Pat
 def _describe_source(package: AssetPackage) -> str:
     if package.registry == "debian":
         return f"{package.file_name} of any Debian mirror"
-    return f"what `{' '.join(package.command)}` downloads"
+    return f"the file downloaded by `{' '.join(package.command)}`"
 
 
 def _download_package(package: AssetPackage, work: Path) -> Path:

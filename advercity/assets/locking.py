@@ -20,8 +20,8 @@ from advercity.compiler.model_locks import (
 from advercity.errors import RunError
 
 CONVERSION_REMEDY = (
-    "install the versions of numpy, trimesh, embreex and fast-simplification that requirements.lock"
-    " names, or make specs for this machine with `advercity assets lock` and `advercity compile`"
+    "install the versions of numpy, trimesh, embreex and fast-simplification in requirements.lock,"
+    " or make specs for this machine with `advercity assets lock` and `advercity compile`"
 )
 """Remedy if a model is converted to something else than locked."""
 

@@ -65,8 +65,8 @@ def remove_package(folder: Path) -> None:
     recorded = _read_digests(folder)
     if not recorded:
         raise InputError(
-            f"{record}: does not list what was unpacked, as versions before this one; delete the"
-            " folder if nothing in it is yours"
+            f"{record}: lists no unpacked files, as in earlier versions; delete the folder if"
+            " none of its files is yours"
         )
     with report_write_errors():
         for name in _list_unchanged_files(folder):

@@ -108,7 +108,7 @@ class AgentView:
     def agent(self) -> Agent:
         """The agent with its sensor rig; InputError where only its files are known."""
         if self._agent is None:
-            raise InputError(f"{self._stem.parent}: its files do not say what rig the agent has")
+            raise InputError(f"{self._stem.parent}: its files do not describe the agent's rig")
         return self._agent
 
     @property

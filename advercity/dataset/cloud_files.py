@@ -113,7 +113,7 @@ def _decompress(body: bytes, count: int, kind: np.dtype[np.void]) -> NDArray[np.
     packed_size, size = _SIZES.unpack_from(body)
     packed = body[_SIZES.size :]
     if packed_size != len(packed) or size != count * kind.itemsize:
-        raise ValueError("is cut off, or its sizes are not those of its points")
+        raise ValueError("is cut off, or its sizes do not match its points")
     if size > MAX_LZF_RATIO * packed_size:
         raise ValueError(f"{packed_size} bytes cannot hold {count} points of {kind.itemsize} bytes")
     try:

@@ -63,8 +63,8 @@ def open_foreign_scenarios(path: Path, layout: str) -> tuple[ForeignScenario, ..
     if not path.is_dir():
         raise InputError(f"{path}: no such folder; {suggest_path(path) or 'is the path right?'}")
     raise InputError(
-        f"{path}: not in the layout {layout}: no scenario with agents' folders of numbers, such as"
-        " 641, that hold frames, such as 000068.yaml"
+        f"{path}: not in the layout {layout}: no scenario with agents' numbered folders, such as"
+        " 641, with frames, such as 000068.yaml"
     )
 
 
@@ -162,8 +162,8 @@ class ForeignScenario(Scenario):
             view.audit(ledger)
         if self._incomplete:
             ledger.leave_out(
-                "frame that not all agents have",
-                plural="frames that not all agents have",
+                "frame missing at some agents",
+                plural="frames missing at some agents",
                 count=self._incomplete,
             )
         return ledger.left_out

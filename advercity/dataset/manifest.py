@@ -29,7 +29,7 @@ from advercity.run_options import CloudEncoding, DatasetOptions
 
 CODE_PACKAGES = ("advercity", "advercity_dsl")
 """Packages whose sources make the data, whichever backend renders them."""
-REMEDY = "it alone says what runs have written: delete the folder, or choose another `output`"
+REMEDY = "it is the only list of written files: delete the folder, or choose another `output`"
 RendererIdentity = dict[str, str | int | float | bool]
 FIELD_LABELS = {
     "code_sha256": "code of advercity",

@@ -295,8 +295,8 @@ def report_disk_errors(path: Path) -> Generator[None]:
         if error.errno == errno.EXDEV:  # of a renaming
             raise RunError(
                 f"{Path(error.filename2 or path).parent}: is mounted from another file system than"
-                " the dataset; mount or link the whole `output` instead, so that a finished file"
-                " can be renamed into place"
+                " the dataset; mount or link the whole `output` instead: finished files"
+                " are renamed into place"
             ) from error
         remedy = "make room" if error.errno in _ERRORS_OF_FULL_DISKS else "make it writable"
         raise RunError(

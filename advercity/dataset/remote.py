@@ -101,7 +101,7 @@ class SharedScenario:
         if gone:
             raise RunError(
                 f"{self.spec.id}: files of {len(gone)} frames are gone from the output since they"
-                " were written; end what deletes them, and run again"
+                " were written; stop the program deleting them, and run again"
             )
         return manifest
 
@@ -197,7 +197,7 @@ class SharedScenario:
             manifest.identity.check_same(
                 self.identity,
                 self.spec.id,
-                remedy="`fresh` starts over; machines that share a scenario need the same versions"
+                remedy="`fresh` starts over; machines sharing a scenario need the same versions"
                 " and devices",
             )
             files |= _select_frame_records(manifest)

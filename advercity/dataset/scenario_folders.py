@@ -193,5 +193,5 @@ def _not_a_dataset_error(folder: Path, where: str) -> InputError:
         return InputError(f"{folder}: is a part of a scenario; name {folder.parent}")
     depths = ("*", "*/*", "*/*/*")
     is_foreign = any(any(folder.glob(f"{depth}/[0-9]*.yaml")) for depth in depths)
-    hint = "; of a folder of others give `layout`, as opv2v" if is_foreign else ""
+    hint = "; for a foreign folder give `layout`, such as opv2v" if is_foreign else ""
     return InputError(f"{folder}: no {MANIFEST_FILE} {where}, so not a dataset{hint}")

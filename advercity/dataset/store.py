@@ -192,8 +192,8 @@ class DatasetLease:
         """Raise a RunError if another run may own the dataset, because a renewal took too long."""
         if self._lost:
             raise RunError(
-                "the lease on the output ran out, and another run may have taken it over; run again"
-                " when that is done"
+                "the lease on the output ran out, and another run may have taken it over; run"
+                " again when the other run has ended"
             )
 
     def _take_over(self) -> None:

@@ -62,7 +62,7 @@ class FileProblem:
 
     def __str__(self) -> str:
         if self.kind == "being written":
-            return f"{self.scenario}: a run is writing it; verify it when that has ended"
+            return f"{self.scenario}: a run is writing it; verify it when the run has ended"
         what = "not part of the dataset" if self.kind == "foreign" else self.kind
         return f"{escape_control_characters(str(self.scenario / self.path))}: {what}"
 

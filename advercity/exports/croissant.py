@@ -42,16 +42,16 @@ FRAME_COLUMNS = {
     "z_m": (FLOAT, "agent's origin in the world, up"),
     "yaw_rad": (FLOAT, "agent's heading, counter-clockwise from east"),
     "speed_m_s": (FLOAT, "agent's speed"),
-    "objects": (INTEGER, "objects that the agent annotates"),
+    "objects": (INTEGER, "objects annotated by the agent"),
     "weather": (TEXT, "id of the weather"),
     "time_of_day": (TEXT, "day, night, ..."),
-    "mor_m": (FLOAT, "meteorological optical range; empty in air that is perfectly clear"),
+    "mor_m": (FLOAT, "meteorological optical range; empty in perfectly clear air"),
     "rain_mm_h": (FLOAT, "rate of rain"),
     "snow_mm_h": (FLOAT, "rate of snow, as water"),
 }
 OBJECT_COLUMNS = {
     "scenario": (TEXT, "folder of the scenario"),
-    "agent": (TEXT, "id of the agent that annotates it"),
+    "agent": (TEXT, "id of the annotating agent"),
     "frame": (INTEGER, "number of the frame"),
     "object_id": (INTEGER, "the same in all frames and agents of a scenario"),
     "class": (TEXT, "car, van, truck, bicycle, motorcycle or pedestrian"),
@@ -65,7 +65,7 @@ OBJECT_COLUMNS = {
     "speed_m_s": (FLOAT, "speed"),
     "distance_m": (FLOAT, "distance from the agent"),
     "lidar_points": (INTEGER, "points on it in this weather"),
-    "visible_fraction": (FLOAT, "largest fraction that a camera of the agent shows"),
+    "visible_fraction": (FLOAT, "largest fraction shown by a camera of the agent"),
     "parked": (BOOLEAN, "whether it is a parked car"),
 }
 TABLES = {"frames": FRAME_COLUMNS, "objects": OBJECT_COLUMNS}
@@ -91,8 +91,8 @@ CONTEXT: dict[str, Any] = {
     "sc": "https://schema.org/",
 }
 LICENCE_NOTE = (
-    "Whoever publishes the data chooses their licence."
-    " Models and photographs of others that images show keep their authors' licences, below."
+    "The publisher of the data chooses their licence."
+    " Third-party models and photographs in images keep their authors' licences, below."
 )
 
 
@@ -254,8 +254,8 @@ def _format_card(dataset: Dataset, counts: dict[str, Counter[str]]) -> str:
             "# V2X driving data in adverse weather",
             "",
             f"Simulated by advercity {__version__}. Every scenario is driven by connected vehicles"
-            " and watched by roadside units; `frames.csv` and `objects.csv` list what was sensed"
-            " and what there was, `croissant.json` describes both.",
+            " and watched by roadside units; `frames.csv` and `objects.csv` list measurements"
+            " and truth, `croissant.json` describes both.",
             "",
             "## Scenarios",
             "",
@@ -274,7 +274,7 @@ def _format_card(dataset: Dataset, counts: dict[str, Counter[str]]) -> str:
             "## Recipe",
             "",
             "Each scenario is made again, byte for byte, from the spec in its `manifest.json` by"
-            " the versions that are listed there, on the same kind of device:",
+            " the versions listed there, on the same kind of device:",
             "",
             *(f"- {_format_recipe(one)}" for one in dataset.scenarios),
             "",

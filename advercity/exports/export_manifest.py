@@ -134,7 +134,7 @@ class ExportManifest(Model):
             RunError: It cannot be read, or is of another version.
         """
         path = folder / EXPORT_FILE
-        hint = "it alone says what was exported: delete the folder, or choose another `output`"
+        hint = "it is the only list of the files: delete the folder, or choose another `output`"
         try:
             document = parse_json(read_bytes(path, max_bytes=MAX_JSON_BYTES), path, hint=hint)
             return ExportManifest.model_validate(document)

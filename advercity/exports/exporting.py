@@ -144,7 +144,9 @@ def _open_whole_dataset(path: Path) -> Dataset:
                 " export them one by one"
             )
         if is_being_written(scenario.path):
-            raise RunError(f"{scenario.path}: a run is writing it; export it when that has ended")
+            raise RunError(
+                f"{scenario.path}: a run is writing it; export it when the run has ended"
+            )
         _warn_of_missing_frames(scenario)
         if others := list_kinds_of_others(scenario.spec):
             _logger.warning("%s: %s left out", scenario.path, ", ".join(sorted(others)))
@@ -159,7 +161,7 @@ def _check_name(scenario: Path) -> None:
     if not NAME_PATTERN.fullmatch(scenario.name):
         reason = "is hidden, has a backslash, or is not UTF-8"
     elif scenario.name == Path(EXPORT_FILE).stem:
-        reason = f"is that of {EXPORT_FILE}, which every export has"
+        reason = f"is reserved for {EXPORT_FILE}, a file of every export"
     if reason is not None:
         raise InputError(
             f"{escape_control_characters(str(scenario))}: no scenario of this name can be exported,"
@@ -183,8 +185,8 @@ def _check_is_unchanged(dataset: Dataset) -> None:
     for scenario in dataset.scenarios:
         if is_being_written(scenario.path) or Manifest.load(scenario.path) != scenario.manifest:
             raise RunError(
-                f"{scenario.path}: a run wrote it during the export; export it again when that has"
-                " ended"
+                f"{scenario.path}: a run wrote it during the export; export it again when the run"
+                " has ended"
             )
 
 

@@ -137,7 +137,7 @@ def _write_kinds(tables: Mapping[str, JsonList]) -> None:
         row = {"token": make_token("attribute", name), "name": name, "description": ""}
         tables["attribute"].append(row)
     for number, level in enumerate(VISIBILITY_LEVELS, start=1):
-        text = f"largest fraction that one of the cameras shows, in percent: {level[1:]}"
+        text = f"largest fraction shown by one of the cameras, in percent: {level[1:]}"
         tables["visibility"].append({"token": str(number), "level": level, "description": text})
 
 

@@ -42,8 +42,8 @@ def list_pieces(dataset: Dataset, options: Options) -> list[Piece]:
     for scenario in dataset.scenarios:
         if scenario.format != OPV2V:
             raise InputError(
-                f"{scenario.path}: has the layout {scenario.format.name}, without what images show"
-                f" of objects; openlabel is exported from {OPV2V.name}"
+                f"{scenario.path}: has the layout {scenario.format.name}, without boxes in images"
+                f"; openlabel is exported from {OPV2V.name}"
             )
     return split_by_scenario(dataset, _write_scenario)
 

@@ -78,8 +78,8 @@ def load_dataset_traffic(scenario: Scenario) -> TrafficResult:
     traffic = load_or_simulate_traffic(scenario.spec)
     if traffic.trace_sha256 != identity.trace_sha256:
         raise InputError(
-            f"{scenario.path}: this version simulates other traffic than the one that made the"
-            " dataset; export it with that one, or make the dataset again"
+            f"{scenario.path}: this version simulates other traffic than the version of the"
+            " dataset; export it with that version, or make the dataset again"
         )
     return traffic
 

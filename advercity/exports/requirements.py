@@ -18,8 +18,8 @@ def require_truth(dataset: Dataset, format: str) -> None:
     for scenario in dataset.scenarios:
         if scenario.format != OPV2V:
             raise InputError(
-                f"{scenario.path}: has the layout {scenario.format.name}, without what images show"
-                f" of objects; {format} is exported from {OPV2V.name}"
+                f"{scenario.path}: has the layout {scenario.format.name}, without boxes in images"
+                f"; {format} is exported from {OPV2V.name}"
             )
 
 

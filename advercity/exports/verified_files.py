@@ -63,8 +63,8 @@ class VerifiedFiles:
                     continue
                 if _read_state(scenario.path / path) != self._states[name][path]:
                     raise RunError(
-                        f"{scenario.path / path}: was changed during the export; export again,"
-                        " which keeps what is finished"
+                        f"{scenario.path / path}: was changed during the export; export again;"
+                        " finished pieces are kept"
                     )
 
 

@@ -68,7 +68,7 @@ def check_recording_file(path: Path) -> None:
     if path.is_dir() or path.suffix != ".rrd":
         # A file with another suffix may be a spec, after an option for a file.
         what = "is a folder" if path.is_dir() else "is no name of a recording"
-        raise InputError(f"{path}: {what}; name a file that ends in .rrd")
+        raise InputError(f"{path}: {what}; name a file ending in .rrd")
     check_output(path)
 
 

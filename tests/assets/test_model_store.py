@@ -319,7 +319,7 @@ def test_a_package_that_an_earlier_version_unpacked_is_not_removed_unseen(
     had = list_files(installed_for_all)
     code, _, err = advercity("assets", "remove")
     assert code == 2
-    assert "package.sha256: does not list what was unpacked, as versions before this one" in err
+    assert "package.sha256: lists no unpacked files, as in earlier versions" in err
     assert list_files(installed_for_all) == had
     assert ModelStore(installed_for_all, tiny).has_package
 

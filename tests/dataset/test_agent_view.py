@@ -79,7 +79,7 @@ def test_a_truncated_manifest_and_one_of_another_version_have_their_own_errors(
     text = path.read_text()
     path.write_text(text[:2000])
     with pytest.raises(
-        InputError, match=r"manifest\.json:\d+:\d+: not valid JSON: .*; it alone says"
+        InputError, match=r"manifest\.json:\d+:\d+: not valid JSON: .*; it is the only list"
     ):
         advercity.open_dataset(scenario)
     path.write_text(text.replace('"manifest_version": 5', '"manifest_version": 2'))

@@ -74,7 +74,7 @@ def test_what_the_folder_does_not_say_is_unknown(folder: Path) -> None:
     assert not scenario.labels
     with pytest.raises(InputError, match="does not say: road, weather, visibility"):
         _ = scenario.spec
-    with pytest.raises(InputError, match="641: its files do not say what rig"):
+    with pytest.raises(InputError, match="641: its files do not describe the agent's rig"):
         _ = view.agent
     with pytest.raises(InputError, match=r"semantic0\.png: is missing; take it again"):
         view.semantic(0)
@@ -145,7 +145,7 @@ def test_a_frame_that_one_agent_lacks_is_left_out(folder: Path) -> None:
     dataset = open_first(folder)
     assert [frame.name for frame in dataset] == ["000070"]
     text = describe_left_out(dataset.scenarios[0].left_out)
-    assert "1 frame that not all agents have" in text
+    assert "1 frame missing at some agents" in text
 
 
 def test_v2v4real_is_right_handed_with_objects_in_the_lidars_frame(tmp_path: Path) -> None:
@@ -247,7 +247,7 @@ def test_folders_without_agents_say_what_is_missing(tmp_path: Path, folder: Path
         open_first(tmp_path / "nowhere")
     with pytest.raises(InputError, match="`layout` kitti: no such layout; opv2v or adver_city"):
         advercity.open_dataset(folder, layout="kitti")
-    with pytest.raises(InputError, match="of a folder of others give `layout`"):
+    with pytest.raises(InputError, match="for a foreign folder give `layout`"):
         advercity.open_dataset(folder)
 
 

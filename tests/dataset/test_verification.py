@@ -134,7 +134,7 @@ def test_a_scenario_that_is_being_written_is_said_to_be_and_the_run_goes_on(
     next(scenario.rglob("*.pcd")).unlink()
     with ScenarioWriter(scenario.parent, spec, identify(spec), length=FRAMES) as writer:
         (told,) = verify_dataset(scenario.parent)
-        assert str(told) == f"{scenario}: a run is writing it; verify it when that has ended"
+        assert str(told) == f"{scenario}: a run is writing it; verify it when the run has ended"
         writer.finish()
     assert all(problem.kind == "missing" for problem in verify_dataset(scenario.parent))
 

@@ -77,4 +77,4 @@ def test_the_card_counts_objects_once_a_frame_and_names_the_recipe(
         assert counts["car"] == 9
         assert scenario.manifest.identity.spec_sha256[:12] in text
         assert scenario.manifest.weather.id in text
-    assert "Whoever publishes the data chooses their licence." in text
+    assert "The publisher of the data chooses their licence." in text

@@ -482,7 +482,7 @@ def test_what_is_in_the_place_of_an_export_s_file_or_folder_is_named(
         pytest.param(".bak", "is hidden", id="hidden"),
         pytest.param("ui\\old", "has a backslash", id="backslash"),
         pytest.param("ui_\udcff", "not UTF-8", id="bytes"),
-        pytest.param("export", "is that of export.json", id="manifest"),
+        pytest.param("export", "is reserved for export.json", id="manifest"),
     ],
 )
 def test_a_scenario_whose_name_cannot_be_in_an_export_is_refused(

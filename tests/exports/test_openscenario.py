@@ -205,5 +205,5 @@ def test_traffic_that_is_not_that_of_the_dataset_is_refused(
     digest = open_dataset(changed).scenarios[0].manifest.identity.trace_sha256
     assert digest is not None
     manifest.write_text(manifest.read_text().replace(digest, "0" * 64))
-    with pytest.raises(InputError, match="simulates other traffic than the one that made"):
+    with pytest.raises(InputError, match="simulates other traffic than the version of the"):
         export_dataset("openscenario", changed, tmp_path / "out")

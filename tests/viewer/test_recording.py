@@ -385,7 +385,7 @@ def test_a_folder_is_refused_as_a_recording(spec: Spec, tmp_path: Path) -> None:
 def test_a_spec_is_not_overwritten_by_a_recording(spec: Spec, tmp_path: Path) -> None:
     path = tmp_path / "spec.json"
     path.write_text("{}")
-    with pytest.raises(InputError, match=r"name a file that ends in \.rrd"):
+    with pytest.raises(InputError, match=r"name a file ending in \.rrd"):
         RerunRecording(spec, LANES, file=path)
     assert path.read_text() == "{}"
 

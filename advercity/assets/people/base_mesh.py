@@ -83,9 +83,7 @@ def load_base_mesh(folder: Path) -> BaseMesh:
         rig = parse_json(read_text(path, max_bytes=MAX_JSON_BYTES), path)["weights"]
         weights = _gather_weights(rig, len(vertices))
     except (OSError, InputError, ValueError, KeyError, IndexError) as error:
-        raise RunError(
-            f"{folder}: holds no base mesh of people that can be read: {error}"
-        ) from None
+        raise RunError(f"{folder}: holds no readable base mesh of people: {error}") from None
     return BaseMesh(vertices, groups, weights, folder)
 
 
