@@ -17,14 +17,14 @@ from advercity.errors import InputError
 DERIVATION_RULES = {
     "spec_version": "version of the format",
     "id": "ids of road, weather and density, the step of a sweep and the number of a repeat",
-    "groups": "typologies that the suite selects and that require such a road",
+    "groups": "selected typologies that require such a road",
     "demand.vehicles": "8 areas of round(road.traffic.vehicles_per_area x density.vehicles)",
     "demand.walkers": "round(road.traffic.walkers x density.walkers)",
     "seeds.traffic": "from the suite's seeds.traffic, the ids of road and density, and the repeat",
     "assets": "checksums in the lock of the catalogue, and of photographs",
     "caution": "from the tables of the drivers, by the weather",
-    "road.imported": "built from the map that the road names",
-    "road.trajectories": "taken from the table that the road names",
+    "road.imported": "built from the road's map",
+    "road.trajectories": "taken from the road's table",
     "provenance": "written by the compiler",
 }
 """Rules for derived values, by the beginning of their paths."""

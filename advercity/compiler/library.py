@@ -256,7 +256,7 @@ def find_weather(text: str, *folders: Path) -> LibraryEntry[Weather]:
         example = find_example("weather", text)
         if example is not None:
             raise InputError(f"'{text}' is an example; give its file: {example}")
-        shipped = "the library that ships (`library` names another)"
+        shipped = "advercity's library (`library` names another)"
         where = " or ".join(map(str, folders)) or shipped
         raise InputError(
             f"unknown weather '{text}': neither a file, nor a name in {where};"

@@ -274,7 +274,7 @@ def find_ego(tracks: Sequence[Track], choice: ReplayChoice) -> Track:
             return named[0]
         if not vehicles:
             raise InputError(
-                f"nobody in it can be the ego, which is a {' or '.join(CONNECTED_CLASSES)}"
+                f"has no vehicle for the ego, which is a {' or '.join(CONNECTED_CLASSES)}"
             )
         longest = sorted(vehicles, key=lambda track: track.times_s[0] - track.times_s[-1])
         listed = ", ".join(

@@ -23,8 +23,8 @@ _BOUNDS = {
 }
 """Keywords of JSON Schema for the names of constraints in pydantic."""
 _EXTENDS_SCHEMA = {
-    "description": "What this builds on: an id of the same kind, or a list of ids. Mappings merge,"
-    " all else replaces.",
+    "description": "Parents: an id of the same kind, or a list of ids. Mappings merge, other values"
+    " replace.",
     "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}],
 }
 _VERSION_SCHEMA = {

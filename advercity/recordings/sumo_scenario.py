@@ -102,8 +102,8 @@ def read_sumo_scenario(path: Path, ledger: Ledger) -> SumoScenario:
     step_s = _parse_time(options.get("step-length", "1"), path)
     if step_s > MAX_GAP_S:
         raise InputError(
-            f"{path}: <step-length>: its steps are {step_s:g} s long; of places that are more than"
-            f" {MAX_GAP_S:g} s apart nobody knows what was between"
+            f"{path}: <step-length>: its steps are {step_s:g} s long; motion is unknown between"
+            f" places more than {MAX_GAP_S:g} s apart"
         )
     begin_s = _parse_time(options.get("begin", "0"), path)
     end_s = _parse_time(options.get("end", "-1"), path)

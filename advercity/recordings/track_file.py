@@ -84,7 +84,7 @@ def load_trajectories(
         begins = min(track.times_s[0] for track in tracks)
         ends = max(track.times_s[-1] for track in tracks)
         raise InputError(
-            f"{declared.file}: nothing is in it from {declared.from_s:g} to {declared.to_s:g} s;"
+            f"{declared.file}: has no samples from {declared.from_s:g} to {declared.to_s:g} s;"
             f" it has {begins:g} to {ends:g} s"
         )
     if origin_m != (0.0, 0.0):

@@ -102,7 +102,7 @@ def check_samples(times_s: NDArray[np.float64], places: NDArray[np.float64]) -> 
     gaps = np.flatnonzero(steps_s > MAX_GAP_S)
     if len(gaps):
         index = int(gaps[0]) + 1
-        message = f"nothing is known of the {steps_s[index - 1]:.1f} s before {times_s[index]:g} s"
+        message = f"has no samples in the {steps_s[index - 1]:.1f} s before {times_s[index]:g} s"
         hint = f"gaps of up to {MAX_GAP_S:g} s are interpolated; split the track into two ids"
         raise BadSampleError(index, message, hint)
     with np.errstate(over="ignore"):  # an infinite speed is too fast, too

@@ -221,7 +221,7 @@ def find_shortest_route(
     if not ends or min(gap for gap, _, _ in ends) > MAX_DESTINATION_GAP_M:
         raise InputError(
             f"no route leads from lane {start.id} to {destination[0]:g}, {destination[1]:g};"
-            " move the destination onto a lane that can be reached, or turn the vehicle"
+            " move the destination onto a reachable lane, or turn the vehicle"
         )
     nearest = min(gap for gap, _, _ in ends)
     _, edge = min((cost, edge) for gap, cost, edge in ends if gap <= nearest + DESTINATION_TIE_M)

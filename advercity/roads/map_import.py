@@ -98,7 +98,7 @@ def _check_lanes(network: SumoNetwork) -> None:
     for lane in network.lanes:
         if not 0 < lane.width_m <= MAX_LANE_WIDTH_M:
             raise InputError(
-                f"has a lane that is {lane.width_m:g} m wide,"
+                f"has a lane of {lane.width_m:g} m width,"
                 f" {_describe_lane(lane)}; lanes are at most {MAX_LANE_WIDTH_M:g} m wide"
             )
     points = np.concatenate([lane.shape for lane in network.lanes])

@@ -67,7 +67,7 @@ class PointSpread(CompactModel):
     def _check_growth(self) -> Self:
         if self.corner_mrad < self.centre_mrad:
             message = "is less than `centre_mrad`"
-            hint = "give at least that, for a blur that is even over the image"
+            hint = "give at least `centre_mrad`; equal values blur the image evenly"
             raise InvalidCombination(("corner_mrad",), message, hint)
         return self
 
@@ -273,7 +273,7 @@ class Camera(Sampled):
         ):
             if place > side - 1:
                 message = f"{name} is not in the image, whose pixels are 0 to {side - 1}"
-                hint = "give the size of the image that was calibrated"
+                hint = "give the size of the calibrated image"
                 raise InvalidCombination(("intrinsics", name), message, hint)
         if not 1 / MAX_PIXEL_ASPECT <= self.pixel_aspect <= MAX_PIXEL_ASPECT:
             message = f"fy_px differs from fx_px by more than a factor of {MAX_PIXEL_ASPECT:g}"
@@ -319,7 +319,7 @@ class Camera(Sampled):
         if self.combined_exposures > 1 and self.highlights_ev == 0:
             message, hint = (
                 "has no effect without highlights_ev",
-                "give the stops that they resolve",
+                "give the stops resolved by the exposures",
             )
             raise InvalidCombination(("combined_exposures",), message, hint)
         return self

@@ -66,8 +66,7 @@ class PedestrianAppearance(CompactModel):
     def _check_hands(self) -> Self:
         if self.attachment != "none" and (self.umbrella is not None or self.bag == "case"):
             raise ValueError(
-                f"hands that are busy with `attachment: {self.attachment}` hold neither an umbrella"
-                " nor a case"
+                f"hands busy with `attachment: {self.attachment}` hold no umbrella and no case"
             )
         return self
 

@@ -46,7 +46,7 @@ class Radio(CompactModel):
     frequency_mhz: Annotated[
         Megahertz,
         Field(ge=1000, le=6000),
-        RangeReason("the path losses are those of bands below 6 GHz", 6000),
+        RangeReason("the path losses are valid below 6 GHz", 6000),
     ] = 5900
     """Carrier frequency."""
     transmit_dbm: Annotated[DecibelMilliwatts, Field(ge=-20, le=40)] = 23

@@ -163,7 +163,7 @@ class ConflictParameters(Model):
             if value is not None and not low <= lowest <= highest <= high:
                 worst = lowest if lowest < low else highest
                 message = f"{worst:g} is outside the range of {low:g} to {high:g}"
-                hint = "no road user in traffic does that"
+                hint = "no road user in traffic does this"
                 raise InvalidCombination((name, "draw"), message, hint)
         return self
 

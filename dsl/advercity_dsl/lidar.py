@@ -235,7 +235,7 @@ class LidarModel(Declaration):
     wavelength_nm: Annotated[
         Number,
         Field(ge=820, le=980),
-        RangeReason("reflectances and extinctions are those of 905 nm"),
+        RangeReason("reflectances and extinctions are given for 905 nm"),
     ] = 905
     """Wavelength, without effect: materials and air hardly change within its bounds."""
     lidar: Lidar

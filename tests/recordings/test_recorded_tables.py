@@ -133,7 +133,7 @@ def test_parquet_and_a_semicolon_between_values_make_no_difference(tmp_path: Pat
             "{path}:2:1: id: 'car 7' is no id of a track; use up to 64 letters"
         ),
         TABLE + "a,car,0.1,2,0\n": "{path}:4:7: time_s: track a there are two places at 0.1 s",
-        TABLE + "a,car,3,2,0\n": "{path}:4:7: time_s: track a nothing is known of the 2.9 s before",
+        TABLE + "a,car,3,2,0\n": "{path}:4:7: time_s: track a has no samples in the 2.9 s before",
         TABLE + "a,car,0.2,900,0\n": "{path}:4:11: x_m: track a moves 899 m in 0.1 s, 8990 m/s;",
         TABLE + "a,car,0.2,1e300,0\n": "{path}:4:11: x_m: track a moves inf m in 0.1 s, inf m/s;",
         TABLE + "a,car,0.2\n": "{path}:4:1: has 3 values below 5 names of columns",

@@ -44,7 +44,7 @@ class StationImages:
 
 def check_cameras(frames: Sequence[FrameView]) -> None:
     """Raise an InputError with the reason if images of frames cannot be used."""
-    hint = "generate it with a rig of cameras, as lidar_camera, and a backend that renders"
+    hint = "generate it with a rig of cameras, as lidar_camera, and a rendering backend"
     for frame in {frame.scenario.path: frame for frame in frames}.values():
         for view in frame.views.values():
             found = f"{frame.scenario.path}: {view.agent.id}"

@@ -180,7 +180,7 @@ def _parse_activation(scope: Scope, element: Element) -> Action | None:
     """Refuse a controller in charge; the default one keeps speed and lane."""
     flags = ("longitudinal", "lateral", "activateLongitudinal", "activateLateral")
     if any(scope.get_flag(element, name) for name in flags):
-        hint = "record the motion that it makes as a trajectory"
+        hint = "record its motion as a trajectory"
         scope.refuse(element, "a controller drives the entity", hint)
         return None
     return _do_nothing(scope, element)

@@ -111,7 +111,7 @@ def _evaluate_node(node: ast.AST, parameters: Mapping[str, str]) -> Any:
         case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in _FUNCTIONS:
             return _FUNCTIONS[name](*(evaluate(arg) for arg in args))
         case _:
-            raise ValueError("an expression has what the standard does not know")
+            raise ValueError("an expression has a part unknown to the standard")
 
 
 def _parse(text: str) -> Any:

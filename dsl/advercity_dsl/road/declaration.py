@@ -401,7 +401,7 @@ class Road(Declaration):
         if self.imported is not None and (self.sections or self.streets or self.junctions):
             raise ValueError("an 'imported' road takes its streets from the map; declare none here")
         if self.imported is not None and self.driving_side == "left":
-            raise ValueError("'driving_side' is that of the map; of OSM, declare it in 'imported'")
+            raise ValueError("'driving_side' comes from the map; for OSM, declare it in 'imported'")
         if self.agents and self.at_junction is not None:
             raise ValueError("'at_junction' places the agents; give 'agents' or 'at_junction'")
         return self
@@ -415,7 +415,7 @@ class Road(Declaration):
                 message = "'track' of a vehicle and 'trajectories' of its road require each other"
                 raise InvalidCombination(at, message, "give both or neither")
         if recorded and self.at_junction is not None:
-            message = "places vehicles that follow no track"
+            message = "places vehicles without a track"
             hint = "give `agents` with a `track` each, or remove `trajectories`"
             raise InvalidCombination(("at_junction",), message, hint)
         for field in ("vehicles_per_area", "walkers") if recorded else ():

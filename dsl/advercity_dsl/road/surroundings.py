@@ -261,9 +261,9 @@ class Surrounding(Model):
             if getattr(self, name) and not is_outlined:
                 raise ValueError(f"only a building with an outline 'line_m' has a '{name}'")
         if (self.kind is SurroundingKind.SIGN) != (self.sign is not None):
-            raise ValueError("a sign, and nothing else, has a 'sign'")
+            raise ValueError("a sign has a 'sign', other kinds have none")
         if (self.kind is SurroundingKind.FURNITURE) != (self.per_100_m is not None):
-            raise ValueError("furniture, and nothing else, has 'per_100_m'")
+            raise ValueError("furniture has 'per_100_m', other kinds have none")
         self._check_area()
         if self.lamp and self.kind is not SurroundingKind.LAMP:
             raise ValueError("only lamps have a type 'lamp'")
