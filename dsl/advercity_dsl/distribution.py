@@ -30,7 +30,7 @@ class TruncatedNormal(Model):
     sd: Annotated[Number, Field(ge=1e-9)]
     """Standard deviation."""
     within: tuple[Number, Number]
-    """Lowest and highest possible draw."""
+    """Lowest and highest possible value."""
 
     @model_validator(mode="after")
     def _check_mean(self) -> Self:
