@@ -29,7 +29,7 @@ _MIN_GLAZING_M, _OPEN_CABIN_M = 1.2, 1.7
 _TAILGATE_M = 0.2
 """Distance of the inside from the rear end of the panes."""
 _OWN_SEATS = 100
-"""Triangles of upholstery from which on a model has seats."""
+"""Least triangles of upholstery in a model with seats."""
 _SHIRTS = ("cloth_white", "cloth_grey", "cloth_dark", "cloth_blue", "cloth_red", "cloth_light")
 _SKINS, _HAIR = (
     ("skin", "skin", "skin_brown", "skin_dark"),

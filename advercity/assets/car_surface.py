@@ -51,7 +51,7 @@ class CarSurface:
         return self.length * (0.5 - station)
 
     def u_at(self, station: float | Float64Array) -> Float64Array:
-        """Compute u where the flanks have a station."""
+        """Compute u of a station on the flanks."""
         return np.asarray(np.interp(station, *self._station_table))
 
     def locate(self, u: ArrayLike, v: ArrayLike) -> Float64Array:

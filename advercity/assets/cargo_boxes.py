@@ -33,7 +33,7 @@ _BOX_TRIANGLES = 12
 
 
 class CargoBox(NamedTuple):
-    """Where a cargo box is: x of its ends, half of its width, heights of floor and roof."""
+    """Place of a cargo box: x of its ends, half of its width, heights of floor and roof."""
 
     rear: float
     front: float

@@ -11,8 +11,8 @@ from advercity.world import Body
 def seat_driver_on_right(body: Body) -> Body:
     """Mirror the inside of a vehicle, whose driver sits on the left, in the body frame.
 
-    Other details, which are the same on both sides, are mirrored too. A body without a lining of
-    ours, as a model with seats of its own, stays as it is.
+    Other details, which are the same on both sides, are mirrored too. A body without our
+    lining, such as a model with its own seats, stays unchanged.
     """
     if not any(part.material == LINING and part.layer is MeshLayer.DETAIL for part in body.parts):
         return body

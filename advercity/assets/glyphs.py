@@ -22,7 +22,7 @@ from advercity.geometry.mesh import (
 STROKE = 1 / 7
 """Thickness of strokes; all lengths are in heights of a capital letter."""
 SPACE = 0.22
-"""Between two letters."""
+"""Gap between two letters."""
 _WIDTH = 0.36
 _NARROW, _WIDE = 0.0, 0.56
 _ARC_STEP_DEG = 22.5

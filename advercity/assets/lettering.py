@@ -23,7 +23,7 @@ LETTERS, DIGITS = "ABCDEFGHJKLMNPRSTUVWXYZ", "0123456789"
 
 @dataclass(frozen=True)
 class WritingPlane:
-    """Where text is written.
+    """Place of a text.
 
     Attributes:
         middle: Middle of the text (3,), metres.

@@ -1,4 +1,4 @@
-"""Images of foreign models: which of a model's textures shows where on its converted parts.
+"""Images of foreign models: projects a model's textures onto its converted parts.
 
 Conversion drops and merges triangles, so images are projected: a triangle of a converted part has
 the image at the nearest triangle of the same material in the file.

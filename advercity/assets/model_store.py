@@ -74,12 +74,12 @@ class ModelStore:
 
     @property
     def people_folder(self) -> Path:
-        """Where the package of people is unpacked."""
+        """Folder of the unpacked package of people."""
         return self.folder / "people"
 
     @property
     def package_folder(self) -> Path:
-        """Where the asset package is unpacked."""
+        """Folder of the unpacked asset package."""
         return self.folder / "package"
 
     @property

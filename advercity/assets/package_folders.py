@@ -1,4 +1,4 @@
-"""Folders of unpacked packages: whole or absent, and removed only where they are as unpacked."""
+"""Folders of unpacked packages: whole or absent, and removed only if unchanged."""
 
 import hashlib
 import logging

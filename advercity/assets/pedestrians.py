@@ -56,9 +56,9 @@ _RIB_COUNT = 8
 _RADIUS_M, _RISE_M, _HEAD_CLEARANCE_M = 0.50, 0.17, 0.08
 _THICKNESS_M = 0.006
 _ATTACHED_STRIDE = 0.64
-"""Stride of who pushes a pram or leads a dog, in heights of the figure."""
+"""Stride of a person with a pram or a dog, in heights of the figure."""
 _HANDS_AHEAD, _BAR_HEIGHT = 0.25, 0.585
-"""Places of a pram's handlebar, in heights of who pushes it."""
+"""Places of a pram's handlebar, in heights of the person pushing it."""
 _SHIN_SLANT = 0.94
 _SEAT_BELOW_HIP_M = 0.085
 PUSH_FRACTION = 0.44
@@ -239,7 +239,7 @@ def _compute_seat_z_m(build: BodyBuild) -> float:
 
 
 def _seat_figure(sitter: Figure, chair: Wheelchair) -> list[SkinnedSurface]:
-    """Build who sits in a wheelchair, hands on the thighs, in other clothes than who pushes."""
+    """Build the sitter of a wheelchair, hands on the thighs, in other clothes than the pusher's."""
     rest = compute_sitting_posture(sitter.rest, sitter.build, chair.pelvis, chair.sole_z_m)
     hands = {left: rest[joint_on_side(Joint.KNEE, left)] + xyz(-0.12, z=0.08) for left in (1, -1)}
     limbs = sitter.skin(move_hands(rest, sitter.rest, hands))

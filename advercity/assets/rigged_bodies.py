@@ -19,7 +19,7 @@ _KEPT_POSES = 2048
 """Poses with kept vertices: enough for 128 people, some 75 MB."""
 _FIT_ITERATIONS = 4
 _ROUNDING_M = 1e-4
-"""More than places of points differ by rounding."""
+"""Upper bound of rounding errors of points."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ _WHEEL_M = 0.52
 _AXLE_SPACING_M = 1.31
 """Distance of a semi-trailer's axles, three of which may then carry 24 t (96/53/EC, Annex I)."""
 _LEGS_BEHIND_KINGPIN_M = 2.55
-"""Beyond the circle in which the rear of a tractor unit swings, of 2.1 m."""
+"""Distance beyond the 2.1 m swing circle of a tractor unit's rear."""
 _STRAP_SPACING_M = 0.62
 _COOLER_M = 0.42
 """Depth of the refrigeration unit, at the front."""

@@ -221,7 +221,7 @@ HEEL_ROLL, TOE_ROLL = (-0.022, 0.022), (0.104, 0.016)
 
 
 SITTING_LEAN_RAD = np.radians(8.0)
-"""Lean of the back of who sits in a wheelchair."""
+"""Lean of the back in a wheelchair."""
 
 
 def compute_walking_postures(

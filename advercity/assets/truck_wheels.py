@@ -16,7 +16,7 @@ _SIDES = 16
 _TYRE = np.array([(0.56, 0.08), (0.90, 0.0), (1.0, 0.12), (1.0, 0.88), (0.82, 1.0)])
 """Radius as a fraction of the tyre's, and place across it from its outer face."""
 _TWIN_TYRE_M = 0.46
-"""Width from which on an axle's end has two tyres."""
+"""Least width of an axle's end with two tyres."""
 _TWIN_GAP = 0.08
 _STEERED_DISC = np.array(
     [(0.55, 0.8), (0.60, 0.10), (0.57, 0.03), (0.50, 0.25), (0.33, 0.05), (0.16, 0.0)]
@@ -26,7 +26,7 @@ _HOLLOW_DISC = np.array(
 )
 """Rim, disc and hub, as `_TYRE` in measures of the outer tyre."""
 _SLOPE = slice(3, 5)
-"""The rows of a disc between which its holes are."""
+"""The rows of a disc around its holes."""
 _HOLE_COUNT = 8
 
 

@@ -25,7 +25,7 @@ from advercity.materials import ACTOR_PAINT
 
 
 class CabPlace(NamedTuple):
-    """Where a cab is: x of its ends and of its axle, half of its width, heights and mirrors."""
+    """Place of a cab: x of its ends and of its axle, half of its width, heights and mirrors."""
 
     front: float
     behind: float

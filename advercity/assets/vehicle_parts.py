@@ -104,7 +104,7 @@ def _compute_spoke_outline() -> Float64Array:
 
 
 def build_round_tyre(hub: Float64Array, radius_m: float, half_width_m: float) -> TriangleSurface:
-    """Build a tyre of round cross-section, as two-wheelers have."""
+    """Build a tyre of round cross-section, as on two-wheelers."""
     angle = 2 * np.pi * np.arange(6) / 6
     profile = np.column_stack(
         [radius_m - half_width_m + half_width_m * np.cos(angle), half_width_m * np.sin(angle)]

@@ -27,7 +27,7 @@ HALF_EXTENT_M = SIZE_PX / 2 * METRES_PER_PX
 MIN_VISIBLE_FRACTION = 5e-5
 """Fraction of an image's pixels above which a vehicle counts as visible: 6 pixels of 480 x 270."""
 _SHIFT = 4
-"""Fractional bits of pixel coordinates, which OpenCV draws to."""
+"""Fractional bits of OpenCV's pixel coordinates."""
 
 
 def draw_bird_views(

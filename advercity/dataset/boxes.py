@@ -33,7 +33,7 @@ class Boxes:
         lidar_points: (n,) points returned by it in this weather.
         visible_fraction: (n,) largest fraction of it shown by one of the agent's cameras, 0 to 1.
         is_parked: (n,) whether it is a parked car.
-        towed_by: (n,) int64, of a semi-trailer the id of its tractor unit; 0 of all others.
+        towed_by: (n,) int64 id of a semi-trailer's tractor unit; 0 for all others.
     """
 
     ids: NDArray[np.int64]

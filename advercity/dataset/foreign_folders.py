@@ -1,7 +1,7 @@
 """Folders of other programs in the layout of OPV2V: scenarios, agents and frames by their names.
 
-Without a manifest there is no spec: road, weather, density and conflicts are not known, and which
-sensors an agent has is seen from its frames.
+Without a manifest there is no spec: road, weather, density and conflicts are not known, and an
+agent's sensors are found from its frames.
 """
 
 from __future__ import annotations

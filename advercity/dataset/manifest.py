@@ -80,8 +80,8 @@ class Identity(Model):
         format: Layout of the files.
         min_points: LiDAR points an actor must return to an agent to be annotated by it.
         clouds: Encoding of point clouds.
-        vector_instructions: Of the processor, as `find_vector_instructions` names them.
-        rounding_sha256: Checksum of how NumPy, OpenBLAS and glibc round here; empty in older ones.
+        vector_instructions: Instructions of the processor, by `find_vector_instructions`.
+        rounding_sha256: Checksum of how NumPy, OpenBLAS and glibc round; empty in old manifests.
         code_sha256: Checksum of the sources of `CODE_PACKAGES`, which may change between versions.
         versions: Versions of advercity, `VERSIONED_PACKAGES`, and packages of the spec's sensors.
     """
@@ -153,7 +153,7 @@ class Identity(Model):
 
     @property
     def options(self) -> DatasetOptions:
-        """Options that the data are made with."""
+        """Options for making the data."""
         return DatasetOptions(format=self.format, min_points=self.min_points, clouds=self.clouds)
 
     def list_differences(self, other: "Identity") -> list[str]:
@@ -300,7 +300,7 @@ class Manifest(Model):
 
 
 def list_kinds_of_others(spec: Spec) -> set[str]:
-    """List the kinds of sensors of other distributions that a spec has."""
+    """List the third-party kinds of sensors in a spec."""
     others = load_sensor_kinds().found.keys() - CORE_KINDS.keys()
     return {
         kind for kind in others if any(agent.sensors.list_sensors(kind) for agent in spec.agents)
@@ -308,7 +308,7 @@ def list_kinds_of_others(spec: Spec) -> set[str]:
 
 
 def _list_sensor_packages(spec: Spec) -> set[str]:
-    """List the distributions of others whose sensors a spec has."""
+    """List the third-party distributions of a spec's sensors."""
     distributions = load_sensor_kinds().distributions
     return {distributions[kind] for kind in list_kinds_of_others(spec)}
 

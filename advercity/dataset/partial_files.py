@@ -90,7 +90,7 @@ def _check_path(path: str) -> str:
 
 
 FilePath = Annotated[str, AfterValidator(_check_path)]
-"""Path of a file within the scenario: of one in it, or in a folder in it."""
+"""Path of a file in the scenario, or in a folder of it."""
 _Records = dict[FilePath, FileRecord]
 _RECORDS = TypeAdapter(_Records)
 _UNMOVED_RECORDS = TypeAdapter(tuple[_Records])

@@ -119,7 +119,7 @@ class Scenario(Sequence[FrameView]):
 
     @property
     def id(self) -> str:
-        """Id of the scenario, by which predictions name it."""
+        """Id of the scenario, as in predictions."""
         return self.spec.id
 
     @property
@@ -310,7 +310,7 @@ class Dataset(Sequence[FrameView]):
 
 
 def format_swept_value(value: float) -> str:
-    """Format the value of a swept field, as labels have it."""
+    """Format the value of a swept field as a label."""
     return f"{value:g}"
 
 

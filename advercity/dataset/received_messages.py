@@ -60,7 +60,7 @@ class ReceivedMessage:
 
     @property
     def world_from_lidar(self) -> Matrix:
-        """Pose (4, 4) of the sender's first LiDAR as it follows from the transmitted pose.
+        """Pose (4, 4) of the sender's first LiDAR, derived from the transmitted pose.
 
         `view.world_from_lidar` is the true one.
         """

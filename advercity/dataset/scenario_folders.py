@@ -1,4 +1,4 @@
-"""Where a dataset's scenarios are, and the errors for folders that are none.
+"""Finds a dataset's scenarios, and explains errors of other folders.
 
 Imports no pydantic model: building one takes longer than opening a dataset.
 """

@@ -75,7 +75,7 @@ class SensorFiles:
 
 @cache
 def load_all_files() -> Mapping[str, SensorFiles]:
-    """Load how measurements are kept, by the names of all kinds of sensors."""
+    """Load the `SensorFiles` of all kinds of sensors, by name."""
     # Imported here: the models of the language take longer than opening a dataset.
     from advercity_dsl.sensor_kind import load_named
     from advercity_dsl.sensor_kinds import load_sensor_kinds
@@ -86,7 +86,7 @@ def load_all_files() -> Mapping[str, SensorFiles]:
 def iterate_readings(
     item: SensorFrame, *, first: tuple[str, ...] = ()
 ) -> Iterator[tuple[SensorFiles, int]]:
-    """Iterate over the measurements of an agent: how they are kept, and their numbers.
+    """Iterate over an agent's measurements: their `SensorFiles` and numbers.
 
     Kinds come in the order of `first`, then as they are registered.
     """

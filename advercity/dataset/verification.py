@@ -1,6 +1,6 @@
 """Compares a dataset with its manifests and its index, and restores missing and changed files.
 
-Restoring touches only recorded files and a killed run's remains. Changed files are kept renamed.
+Restoring touches only recorded files and a killed run's remains. Changed files get a new name.
 """
 
 import os

@@ -33,7 +33,7 @@ MEMORY_YAML = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAG
 
 
 def list_pieces(dataset: Dataset, options: Options) -> list[Piece]:
-    """Make a piece of every scenario: rigs are rigid, so one frame says all."""
+    """Make a piece of every scenario: rigs are rigid, so one frame suffices."""
     return [_build_piece(scenario) for scenario in dataset.scenarios if len(scenario)]
 
 

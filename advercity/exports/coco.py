@@ -288,7 +288,7 @@ def _describe_objects(shot: Shot) -> Iterator[Json]:
     """Describe the visible parts of objects: box, area and mask; mark crowds.
 
     Actors not annotated by the agent, since no beam of its LiDARs hits them, are crowds:
-    evaluations neither count their detection as an error nor miss them.
+    evaluations count neither finding nor missing them as an error.
     """
     segments = _read_segments(shot) if shot.has_masks else None
     annotated: set[int] = set()

@@ -120,7 +120,7 @@ class _FrameCounter:
 
 
 def _open_whole_dataset(path: Path) -> Dataset:
-    """Open a dataset whose runs have ended, and say which scenarios have frames left.
+    """Open a dataset whose runs have ended, and warn of scenarios with frames left.
 
     Raises:
         InputError: It has no frames, or a scenario is missing.

@@ -47,7 +47,7 @@ TYPES = {
 TRAILER = "Misc"
 """KITTI's type of objects without a type; its authors name trailers as an example."""
 PARTLY_OCCLUDED, LARGELY_OCCLUDED = 0.25, 0.6
-"""Hidden fractions of an outline from which an object counts as such. KITTI gives no numbers."""
+"""Least hidden fractions of partly and largely occluded outlines. KITTI gives no numbers."""
 SPLIT_LISTS = {"train": "train", "validate": "val", "test": "test"}
 """KITTI's lists by the folders of `advercity split`."""
 

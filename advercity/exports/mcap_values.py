@@ -41,7 +41,7 @@ def read_lens(view: AgentView, camera: int, names: Mapping[str, str]) -> tuple[s
 
 @dataclass(frozen=True)
 class PositionCovariance:
-    """How far a fix may be off.
+    """Uncertainty of a fix.
 
     Attributes:
         matrix: (9,) of east, north and up, in m².
@@ -56,8 +56,8 @@ class PositionCovariance:
     def of_fix(receiver: Gnss, fix: GnssFix) -> "PositionCovariance":
         """Compute the covariance by the receiver's noise.
 
-        Of a fix by satellites it is approximated, as drivers do, by the dilution of precision and
-        the error of a range at the zenith. Of carrier phases it is unknown.
+        For a fix by satellites it is approximated, as in drivers, by the dilution of precision and
+        the error of a range at the zenith. For carrier phases it is unknown.
         """
         m_per_deg, quality = math.radians(SEMI_MAJOR_M), fix.quality
         if receiver.mode == "carla":

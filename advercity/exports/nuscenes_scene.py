@@ -166,7 +166,7 @@ class Scene:
         return self.start_us + round(time_s * MICROSECONDS)
 
     def find_stamp_us(self, view: AgentView, channel: Channel) -> int | None:
-        """Find when a sensor measured; None if with the frame."""
+        """Find the time of a sensor's measurement; None if it is the frame's."""
         time_s = view.stamps.get(f"{channel.modality}{channel.number}")
         return None if time_s is None else self.compute_timestamp_us(time_s)
 

@@ -55,7 +55,7 @@ MAP_GRID_M = 10.0
 
 @dataclass(frozen=True)
 class MapExtent:
-    """Where the mask of a road is.
+    """Extent of the mask of a road.
 
     nuScenes' positions are positive, from the lower left corner of the mask on.
 

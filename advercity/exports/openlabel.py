@@ -3,8 +3,8 @@
     <scenario>.json
 
 `world` is x east, y north, z up; `<agent>` and its LiDARs and radars are x forward, y left, z up;
-cameras are x right, y down, z along the view. A transform leads from its `src` to its `dst`. The
-sensors' own files stay in the dataset, relative to whose folder `uri` is.
+cameras are x right, y down, z along the view. A transform leads from its `src` to its `dst`.
+`uri` names the sensors' own files, relative to the folder of the dataset.
 """
 
 import json
@@ -215,7 +215,7 @@ def _list_streams(frame: FrameView) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _describe_camera(view: AgentView, camera: int) -> dict[str, Any]:
-    """Describe the intrinsic parameters of a camera, as its lens asks for."""
+    """Describe the intrinsic parameters of a camera by its kind of lens."""
     matrix, model = view.intrinsic(camera), view.camera_model(camera)
     size = {"width_px": model.width_px, "height_px": model.height_px}
     lens = view.agent.sensors.cameras[camera].model.lens

@@ -49,7 +49,7 @@ CLEAR_RANGE_M = 100_000.0
 """Visual range of perfectly clear air."""
 PEDESTRIAN_MASS_KG = 80.0
 MAX_SPEED_M_S, MAX_ACCELERATION_M_S2 = 100.0, 15.0
-"""Bounds of vehicles, which a scenario must give and trajectories do not reach."""
+"""Bounds of vehicles, required by the format; trajectories stay below them."""
 MAX_STEERING_RAD, WHEEL_DIAMETER_M = 0.7, 0.65
 
 
@@ -164,7 +164,7 @@ class _ScenarioWriter:
         return entity
 
     def _add_motion(self, actor: Actor, init: Any, act: Any) -> None:
-        """Put an actor where it begins, and have it follow its trajectory until it is gone."""
+        """Place an actor at its start; it follows its trajectory until it is gone."""
         xosc, name = self._xosc, self._name(actor)
         _, track = self._trace.get_track(actor.id)
         tick_s = self._trace.tick_s

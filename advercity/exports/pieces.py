@@ -33,7 +33,7 @@ class JsonList:
     """Writes a list of JSON objects row by row, so it need not fit into memory.
 
     Args:
-        stream: Where the list begins at once, and ends when the context is left.
+        stream: Output; the list begins at once, and ends with the context.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
@@ -54,7 +54,7 @@ class JsonList:
 
 
 class PieceFiles:
-    """Takes the files of a piece, into a folder from which they are moved when all are there.
+    """Collects the files of a piece in a folder; they are moved when all are there.
 
     Args:
         folder: The folder.
@@ -193,7 +193,7 @@ def make_common_piece(dataset: Dataset, name: str, write: Callable[[PieceFiles],
 
 
 def _describe_frames(scenario: Scenario) -> str:
-    """Describe which frames a scenario has: `frames 0 to 199`, `frames 0, 10, 20`."""
+    """Describe the frames of a scenario: `frames 0 to 199`, `frames 0, 10, 20`."""
     numbers = scenario.frame_numbers
     if numbers and numbers == tuple(range(numbers[0], numbers[-1] + 1)):
         return f"frames {numbers[0]} to {numbers[-1]}"

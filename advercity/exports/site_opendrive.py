@@ -59,7 +59,7 @@ def format_site(road: Road, network: Path) -> bytes:
 
 
 def format_projection(road: Road) -> str:
-    """Format how the world frame of a road lies on the globe, as PROJ reads it."""
+    """Format the projection of a road's world frame for PROJ."""
     return (
         f"+proj=tmerc +lat_0={road.origin_lat_deg:.9f} +lon_0={road.origin_lon_deg:.9f}"
         " +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs"

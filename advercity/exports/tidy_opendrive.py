@@ -1,4 +1,4 @@
-"""Lengths and records of an OpenDRIVE file as ASAM's checker asks for them.
+"""Lengths and records of an OpenDRIVE file, corrected for ASAM's checker.
 
 netconvert measures curves by straight pieces, up to some centimetres short, and begins a new record
 of lines and elevations at every point of a polyline.
@@ -14,13 +14,13 @@ from numpy.polynomial.legendre import leggauss
 from advercity.geometry.arrays import Float64Array
 
 SAME_PLACE_M, SAME_SLOPE = 1e-4, 1e-6
-"""Differences below which two records are one: of places, and of slopes and headings."""
+"""Greatest differences of equal records: of places, and of slopes and headings."""
 COEFFICIENTS = ("a", "b", "c", "d")
 _NODES, _WEIGHTS = leggauss(32)
 
 
 def tidy_road(road: Element) -> None:
-    """Join equal records of a road, and give its curves and all along it their true lengths."""
+    """Join equal records of a road, and correct lengths of its curves and places along it."""
     plan = road.find("planView")
     assert plan is not None
     _join_lines(plan)

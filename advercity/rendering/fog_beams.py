@@ -29,7 +29,7 @@ LOW_CORNER_M, HIGH_CORNER_M = (-30.0, 0.0, 0.0), (120.0, 60.0, 40.0)
 """Extent of the grid: ahead of the lamp, to either side, and above the ground."""
 PHOTONS, MAX_SCATTERINGS = 250_000, 12
 MAX_PATH_M = 150.0
-"""Distance from which light does not come back."""
+"""Distance beyond which no light returns."""
 EXTINCTION_RATIO = 1.05
 """Ratio of neighbouring extinctions with tables of their own."""
 BEAM_HALF_WIDTH_RAD, BEAM_BOTTOM_RAD, BEAM_TOP_RAD = np.radians([60.0, -14.0, 30.0])

@@ -26,8 +26,8 @@ TYRE_TRACK_M, TYRE_TRACK_SIGMA_M = 0.78, 0.28
 TYRE_DARKENING, OIL_DARKENING = 0.25, 0.20
 """Greatest reductions of the albedo by rubber and by oil."""
 OIL_WIDTH_M, OIL_BEFORE_STOPS, STOP_RANGE_M = 0.30, 1.4, 14.0
-"""Width of the line of oil in the middle of a lane, how much more of it there is where vehicles
-wait at the end of a lane, and over which distance."""
+"""Width of the line of oil in the middle of a lane, its increase where vehicles wait at the end of
+a lane, and the length of this part."""
 PAVING_TONE = 0.07
 """Greatest difference of the albedo of a paving pass, which is a lane, from the mean."""
 JUNCTION_WEAR = 0.8
@@ -60,7 +60,7 @@ class GroundMap:
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """Corner and inverse size, by which shaders find a point on the map."""
+        """Corner and inverse size, for finding a point on the map in shaders."""
         return (*self.corner, 1.0 / self.size[0], 1.0 / self.size[1])
 
 

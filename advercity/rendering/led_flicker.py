@@ -37,7 +37,7 @@ def compute_collected_ratio(
 
 
 def apply_led_flicker(frame: Frame, exposure_s: float, *, seed: int) -> Frame:
-    """Dim or brighten the lamps of a frame as an exposure around its instant collects them.
+    """Dim or brighten the lamps of a frame to their light in an exposure around its instant.
 
     Each vehicle has a frequency and a phase of its own; signals have the mains' frequency and,
     since they are on different phases of it, one of three phases.

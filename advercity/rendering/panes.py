@@ -1,4 +1,4 @@
-"""Panes of glass: which of them cameras see through."""
+"""Finds transparent panes of glass."""
 
 from advercity.geometry.mesh import Mesh
 from advercity.materials import MATERIALS

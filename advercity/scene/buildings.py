@@ -32,7 +32,7 @@ PLINTH_M = 0.35
 ROAD_CLEARANCE_M = 1.5
 GARDEN_TREE_M = 5.5
 MIN_ROW_M = 6.0
-"""Half width of buildings from which there are two chimneys."""
+"""Least half width of buildings with two chimneys."""
 TOWN_WALLS = ("plaster", "brick", "brick", "plaster_ochre", "plaster_white", "brick_yellow")
 HOUSE_WALLS = (
     "plaster_white",

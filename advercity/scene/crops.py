@@ -21,8 +21,8 @@ from advercity.semantics import Semantic
 
 CROP_CLEARANCE_M = 0.8
 EARS_MAX_DISTANCE_M, DENSE_FRINGE_M, FRINGE_MAX_DISTANCE_M = 26.0, 14.0, 34.0
-"""Distances from street axes within which ears rise from a field, and its border has all
-plants, and some of them."""
+"""Distances from street axes up to which ears rise from a field, its border has all its plants,
+and it has some of them."""
 SPARSE_RATIO = 0.35
 EARS_PER_TOP = 30
 """Ears about every point of a ridge."""
@@ -149,8 +149,8 @@ def _place_sheet(
 ) -> Float64Array:
     """Raise the points (n, m, 3) of a sheet from the ground, and sink its border below it.
 
-    Without an open edge nothing is seen below the sheet. A steep border is next to the plants, and
-    not where the grid has its last points.
+    Without an open edge no gap shows below the sheet. A steep border follows the plants, not the
+    last points of the grid.
     """
     plane = _draw_in_border(rows, inside) if is_steep else rows
     points = site.project_to_ground(plane.reshape(-1, 2)).reshape(*inside.shape, 3)

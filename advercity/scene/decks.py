@@ -95,7 +95,7 @@ def find_decks(lanes: Sequence[LaneSegment]) -> tuple[Deck, ...]:
 
 
 def build_deck_meshes(decks: Sequence[Deck], ground: Heights) -> list[Mesh]:
-    """Build the mesh of all decks; none without any."""
+    """Build the mesh of all decks; empty without decks."""
     pieces = [piece for deck in decks for piece in deck.build(ground)]
     if not pieces:
         return []

@@ -36,7 +36,7 @@ from advercity.semantics import Semantic
 HOUSE_AREA_M2, HOUSE_HEIGHT_M = 220.0, 9.0
 """Smaller and lower buildings without shops are houses."""
 HOUSE_HEIGHT_RANGE_M, BLOCK_HEIGHT_RANGE_M = (5.5, 8.0), (6.5, 15.0)
-"""Heights of buildings whose map has none."""
+"""Heights of buildings without one in the map."""
 MIN_WINDOWED_M = 2.2
 MAX_WINDOWED_DISTANCE_M = 45.0
 MIN_STOREY_M = 2.0
@@ -51,7 +51,7 @@ HALL_GATE_M, HALL_PIER_M = 4.2, 0.4
 SHOP_WIDTH_M = 4.2
 OVERHANG_M, PARAPET_M, PARAPET_WIDTH_M = 0.4, 0.45, 0.25
 MAX_RUN_FRACTION = 0.95
-"""How far hips reach inwards, of the way to the middle."""
+"""Greatest reach of hips inwards, as a fraction of the way to the middle."""
 FASCIA_M = 0.2
 MAX_ROOF_FRACTION = 0.45
 """Greatest part of the roof in a building's height."""

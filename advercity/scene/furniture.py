@@ -18,7 +18,7 @@ PATH_CLEARANCE_M = 0.25
 PIECE_CLEARANCE_M = 0.4
 """Distance between pieces, and from walls, masts and buildings."""
 SIGHT_CLEARANCE_M = 15.0
-"""Distance from the ends of streets within which nothing hides a pedestrian."""
+"""Distance from the ends of streets without furniture hiding a pedestrian."""
 _STEP_M = 0.5
 
 

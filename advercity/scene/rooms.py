@@ -12,7 +12,7 @@ from advercity.geometry.arrays import Float64Array
 ROOM_NUMBERS = 64
 """Number of different rooms: the fewer, the finer the coordinates resolve a window in float32."""
 WINDOW_TRANSMITTANCE = 0.64
-"""Of double glazing, twice: into the room and out of it (0.8 each, EN 410)."""
+"""Transmittance of double glazing, twice: into the room and out of it (0.8 each, EN 410)."""
 BLIND_RATIO = 0.6
 """Light of a blind before a lit room relative to its walls': it transmits a quarter of 30 lx, walls
 reflect half of it, and panes transmit 85 %."""
@@ -23,12 +23,12 @@ CURTAIN_FRACTION = 0.17
 MEAN_CLOTH, MEAN_ROOM, MEAN_SHOP = 0.5, 0.43, 0.32
 """Mean albedo of covers; of rooms and shops, times the light of their lamps."""
 COVER_DEPTH_M = 0.06
-"""Of curtains and blinds behind the pane."""
+"""Depth of curtains and blinds behind the pane."""
 SHOP_SILL_M, TALL_SILL_M, SILL_M = 0.5, 0.15, 0.9
 """Heights of windows above the floor: of shops, above `TALL_WINDOW_M` of height, of others."""
 TALL_WINDOW_M = 2.0
 ROOM_ASIDE_M, ROOM_ABOVE_M = 0.3, 0.4
-"""Least a room is wider than its window at either side, up to 1 m more, and how much higher."""
+"""Least margin of a room beside its window, up to 1 m more, and margin above it."""
 ROOM_DEPTH_M, ROOM_DEPTH_SPREAD_M = 3.0, 3.0
 """Depth of the shallowest room, and how much deeper others are at most."""
 BLIND_STEPS = 8

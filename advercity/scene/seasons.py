@@ -65,7 +65,7 @@ _LOW_CROPS: Mapping[Season, Crop] = {
     Season.AUTUMN: Crop("stubble", 0.2, "soil", "straw", "straw"),
     Season.WINTER: Crop("young_crops", 0.13, "soil", "seedlings", "seedlings"),
 }
-"""Fields after the harvest, and sown again."""
+"""Fields after harvest and new sowing."""
 _RECOLOURED: Mapping[Season, Mapping[str, str]] = {
     # The inside of shrubs turns last.
     Season.AUTUMN: {},

@@ -14,7 +14,7 @@ from advercity.semantics import Semantic
 from advercity.world import StreetLamp
 
 FAST_KM_H = 80.0
-"""Speed limit from which a street has the high columns of motorways."""
+"""Least speed limit of a street with the high columns of motorways."""
 _ARM_M, _COLUMN_ARM_M = 1.6, 2.4
 _LIGHT_BELOW_TOP_M = 0.1
 _BEFORE_POST_M = 0.2

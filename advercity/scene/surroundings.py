@@ -40,7 +40,7 @@ from advercity.scene.traffic_signs import build_sign, build_speed_sign
 from advercity.world import StreetLamp
 
 SENSOR_CLEARANCE_M = 6.0
-"""Distance from roadside units within which no trees grow and nothing is built."""
+"""Distance from roadside units without trees and buildings."""
 LINE_CLEARANCE_M = 0.2
 """Distance of fences, hedges and walls along a street from paving, so side streets stay open."""
 LINE_WIDTH_M, MAST_RADIUS_M, SHELTER_RADIUS_M, SIGN_RADIUS_M = 0.4, 0.2, 2.8, 0.5
@@ -89,8 +89,8 @@ def build_surroundings(
 
     The returned site is the ground left by buildings, drives and water.
 
-    The road's id and the order of its surroundings are keys of all random draws. Nothing grows or
-    is built on the paved area; masts and shelters are where they are declared.
+    The road's id and the order of its surroundings are keys of all random draws. The paved area
+    stays free; masts and shelters are where they are declared.
 
     Raises:
         InputError: A declaration begins beyond the end of its street.

@@ -151,7 +151,7 @@ class _Shoots:
     outward: Float64Array
 
     def build_stems(self) -> TriangleSurface:
-        """Build the wood: a long triangle each, for it is too thin to be seen from afar."""
+        """Build the stems: one long triangle each, since they are too thin to be seen from afar."""
         foot, tip = self.points[:, 0], self.points[:, -1]
         aside = _SHOOT_RADIUS_M * normalize(np.cross(tip - foot, self.outward + xyz(x=0.01)))
         corners = np.stack([foot - aside, foot + aside, tip], axis=1).reshape(-1, 3)

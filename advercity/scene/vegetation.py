@@ -1,4 +1,4 @@
-"""Builds trees where they stand."""
+"""Builds trees in their places."""
 
 from itertools import product
 
@@ -17,7 +17,7 @@ MAX_TREES = 400
 """Greatest number of trees in one area; larger areas have them further apart."""
 TREE_SPACING_M = 8.0
 TRUNK_CLEARANCE_M, ROW_CLEARANCE_M = 3.0, 1.0
-"""Distance of trunks from reserved areas, where trees are scattered and where they are in rows."""
+"""Distance of trunks from reserved areas, for scattered trees and for rows."""
 DETAIL_DISTANCES_M = (11.0, 30.0)
 """Distances from street axes up to which trees are built for close and for middle views."""
 _VEGETATION = Semantic.VEGETATION

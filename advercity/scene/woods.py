@@ -28,7 +28,7 @@ TREE_SPACING_M, MAX_TREES = 6.0, 700
 WOODS_CLEARANCE_M = 10.0
 SPRUCE_FRACTION = 0.25
 SHAPES = 6
-"""How many crowns of a kind differ in more than size and turn."""
+"""Number of different crowns of a kind; others differ in size and turn only."""
 CROWN_RADIUS_M = 0.55 * TREE_SPACING_M
 LEAF_M, COVERAGE = 1.0, 0.16
 """Length of the leaves on crowns, each a twig with its own, and their area over the crowns'."""

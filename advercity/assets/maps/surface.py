@@ -1,4 +1,4 @@
-"""Surfaces while they are painted: colour, height and roughness, and the images made of them."""
+"""Painted surfaces: colour, height and roughness, and the images made of them."""
 
 from dataclasses import dataclass
 

@@ -14,7 +14,7 @@ from advercity.assets.people.base_mesh import BaseMesh
 from advercity.geometry.arrays import Float64Array
 
 _AGES = {"baby": 1.0, "child": 11.0, "young": 25.0, "old": 85.0}
-"""Years at which each age of the targets is whole."""
+"""Years of full weight of each age of the targets."""
 _MUSCLES = {"minmuscle": 0.0, "averagemuscle": 0.5, "maxmuscle": 1.0}
 _WEIGHTS = {"minweight": 0.0, "averageweight": 0.5, "maxweight": 1.0}
 _ANCESTRIES = {"african": "african", "asian": "asian", "european": "caucasian"}

@@ -56,7 +56,7 @@ _FAR = 9.0
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """Where hems are measured from, on a shaped person with arms and legs a little apart.
+    """Reference points of hems, on a shaped person with arms and legs a little apart.
 
     Attributes:
         height_m: Standing height.

@@ -31,7 +31,7 @@ DEVICE_PATTERN = re.compile(
     r"\s*cudaId:\s*(?P<cuda>-?\d+)\n\s*rayTrace:\s*(?P<ray_trace>\d+)"
 )
 DRIVER_SETTINGS = ("GALLIVM_DEBUG", "GALLIVM_PERF", "LP_DEBUG", "LP_PERF")
-"""Variables by which developers of the driver trade precision for speed."""
+"""Variables of the driver's developers, trading precision for speed."""
 INSTALL_HINT = (
     "run `make setup`, or install mesa-vulkan-drivers 25 or newer (Debian 12: from "
     "bookworm-backports), which renders on the CPU with ray tracing"

@@ -26,7 +26,7 @@ PLANTS = (Semantic.VEGETATION,)
 GAP_HIDES, GAP_BLUR_M = 0.92, 0.15
 """Fraction of the sky hidden by a body from the ground under it, and softness of its outline."""
 SIDES_HIDE, SIDES_BLUR_M = 0.4, 0.9
-"""The same of its sides, as far as the ground around it."""
+"""The same for its sides and the ground around it."""
 
 
 class ContactMap:

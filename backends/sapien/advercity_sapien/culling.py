@@ -21,11 +21,11 @@ from advercity_sapien.shader_bindings import RenderBody
 SHADOW_RANGE_M, SHADOW_TEXELS = 400.0, 2048
 Cascades = tuple[tuple[float, float], ...]
 SHADOW_CASCADES: Cascades = ((28.0, 20.0), (100.0, 84.0))
-"""Of each map of the sun's shadows, from fine to coarse, half its width, and how far ahead of the
-camera its middle is, metres: close surfaces need sharp shadows, distant ones any."""
+"""Half the width of each map of the sun's shadows, from fine to coarse, and the distance of its
+middle ahead of the camera, metres: close surfaces need sharp shadows, distant ones any."""
 
 LOOKUP_TEXELS = 6.0
-"""How far from a surface its shadow is looked up, at most (`sunVisibility` in deferred.frag)."""
+"""Greatest distance of a shadow's look-up from its surface (`sunVisibility` in deferred.frag)."""
 
 PixelRange = tuple[float, float]
 """Least and greatest size of a pixel at a body's distance, metres."""

@@ -18,7 +18,7 @@ from advercity_sapien.shader_constants import FAR_M, NEAR_M, SHADER_FOLDER
 MAX_TILE_PX = 960 * 540
 """Most pixels of a tile without its margin, each of four samples."""
 MARGIN_PX = 4
-"""How far around a pixel its samples look for light (deferred.frag)."""
+"""Reach of a pixel's samples in search of light (deferred.frag)."""
 IMAGE_FORMATS = {"Paned": "R16G16B16A16Sfloat"}
 
 

@@ -37,7 +37,7 @@ NEGLIGIBLE_FRACTION = 1e-3
 """Negligible fraction of the light present everywhere."""
 MIN_ILLUMINANCE_LX, MIN_LUMINANCE_CD_M2 = 1e-3, 1e-4
 NEGLIGIBLE_SKY_FRACTION = 0.01
-"""Fraction of the sky's mean luminance which glow need not exceed to be left out.
+"""Fraction of the sky's mean luminance below which glow is left out.
 
 The airlight is no measure: it belongs to air without end, and clear air hides no glow.
 """

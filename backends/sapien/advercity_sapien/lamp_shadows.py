@@ -1,9 +1,9 @@
-"""How far the light of each lamp gets: the shadows of lamps in the raster pack.
+"""Shadows of lamps in the raster pack: the reach of each lamp's light.
 
 SAPIEN's shadow maps belong to its own lights, each with a pass over the scene, and a street has
 hundreds of lamps. Here Embree casts a small map for every lamp once a frame, and all cameras
 of the frame use it. The ground casts no shadows: hardly any light of a street is hidden by it,
-and lamps are so low above it: a texel holds many metres of it.
+and a texel holds many metres of it, since lamps are low.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from advercity_sapien.probe_grid import GROUND_CLASSES
 from advercity_sapien.shader_table import COLUMNS
 
 HOUSING_M = 0.25
-"""Distance around a lamp within which nothing hides it."""
+"""Distance around a lamp without obstacles to its light."""
 REACH_RANGE_M = MAX_RANGE_M
 CELL_COLUMNS, CELL_ROWS, CELLS_PER_ROW = 96, 24, 8
 """Texels of the texture for each lamp, of which its map fills a corner, and lamps side by side."""

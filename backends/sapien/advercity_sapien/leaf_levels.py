@@ -34,9 +34,9 @@ LEAST_LEAVES = 200
 
 
 def list_levels(mesh: Mesh) -> Iterator[tuple[int, PixelRange]]:
-    """List the levels of a mesh: which part of the leaves each keeps, as `thin_out` takes it.
+    """List the levels of a mesh: the kept part of its leaves, for `thin_out`, and pixel sizes.
 
-    Each level is drawn for these sizes of a pixel in metres.
+    Each level is drawn in its range of pixel sizes in metres.
     """
     if mesh.material not in LEAF_MATERIALS or len(mesh.triangles) < LEAST_LEAVES:
         yield 1, ANY_PIXEL

@@ -40,7 +40,7 @@ DIRECTION_COUNT, TURNS = 48, 4
 """Directions into which a probe looks; sets of them, each turned against the others."""
 MAX_RANGE_M = 200.0
 FURTHER_REFLECTIONS = 2
-"""Reflections of skylight, and of sunlight after its first; of the third, 1 % is left in a town."""
+"""Reflections of skylight, and of sunlight after its first; the third has 1 % left in a town."""
 GROUND_CHANNEL = 3
 MOMENTS = 11
 """Numbers of the light at a probe: integrals of radiance by colour, then of luminance times the
@@ -78,7 +78,7 @@ class LightProbes:
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """Corner and inverse size, by which shaders find a point on the grid."""
+        """Corner and inverse size, for finding a point on the grid in shaders."""
         width, height = self.size
         return (*self.corner, 1.0 / width if width else 0.0, 1.0 / height if height else 0.0)
 
@@ -161,10 +161,10 @@ class _Surroundings:
 
     Attributes:
         atmosphere: Source of all of it.
-        albedo: Of surfaces as the weather leaves them.
+        albedo: Albedo of surfaces in this weather.
         directions: (DIRECTION_COUNT, TURNS, 3) unit vectors.
         sky: (DIRECTION_COUNT, TURNS, 3) radiance of the sky and the open ground around each, cd/m².
-        airlight: (DIRECTION_COUNT, TURNS, 4) as `Atmosphere` has it.
+        airlight: (DIRECTION_COUNT, TURNS, 4), as in `Atmosphere`.
     """
 
     atmosphere: Atmosphere

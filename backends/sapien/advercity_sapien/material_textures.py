@@ -17,7 +17,7 @@ MAX_ROUGHNESS_RATIO = 4.0
 
 
 class MapAxes(IntEnum):
-    """Along which axes images lie; shaders know it by the sign of their width."""
+    """Axes along images; shaders know them by the sign of their width."""
 
     WORLD = 1
     MESH = -1

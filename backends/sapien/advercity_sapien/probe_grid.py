@@ -1,4 +1,4 @@
-"""Where probes of light are: a grid around the lanes, on the ground below trees and roofs."""
+"""Places of light probes: a grid around the lanes, on the ground below trees and roofs."""
 
 from dataclasses import dataclass, replace
 
@@ -15,7 +15,7 @@ PROBE_SPACING_M, MAX_PROBES_PER_EDGE = 3.0, 128
 LEVEL_HEIGHTS_M = (0.3, 1.5, 3.5, 6.5, 11.0)
 """Heights of probes above the ground."""
 MARGIN_M = 30.0
-"""How far from the lanes there are probes."""
+"""Greatest distance of probes from the lanes."""
 RAY_OFFSET_M = 0.02
 GROUND_CLASSES = (
     Semantic.ROAD,
@@ -25,16 +25,16 @@ GROUND_CLASSES = (
     Semantic.GROUND,
 )
 TOP_M = 500.0
-"""Height above all of a world."""
+"""Height above everything in a world."""
 
 
 @dataclass(frozen=True, eq=False)
 class ProbeGrid:
-    """Where probes are.
+    """Places of probes.
 
     Attributes:
         corner: South-western corner (x, y), metres.
-        spacing_m: Between probes, which are in the middle of cells.
+        spacing_m: Distance between probes, which are in the middle of cells.
         ground: Height (rows, columns) of the ground, below trees and roofs.
     """
 

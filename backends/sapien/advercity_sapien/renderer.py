@@ -118,10 +118,10 @@ class SapienRenderer:
         self._frame_index = 0
 
     def change_atmosphere(self, atmosphere: Atmosphere) -> None:
-        """Replace air and light; skies and probes are made again only if light is another.
+        """Replace air and light; skies and probes are made again only if the light changes.
 
-        The scene is opened again where lights or the sizes of textures are others, as between day
-        and night: SAPIEN cannot change them.
+        The scene is opened again if lights or sizes of textures change, as between day and night:
+        SAPIEN cannot change them.
         """
         before = self._atmosphere
         if _find_scene_features(atmosphere) != _find_scene_features(before):
