@@ -101,7 +101,7 @@ def _encode_radar(view: AgentView, radar: int) -> bytes:
     found = view.load_radar(radar)
     table = np.zeros(max(1, len(found)), RADAR_RECORD)
     if not len(found):
-        table["x"] = np.nan  # nuScenes marks an empty cloud so
+        table["x"] = np.nan  # nuScenes' mark of an empty cloud
         return _encode_records(table)
     points = np.column_stack([found[axis] for axis in "xyz"]).astype(np.float64)
     sight = points / np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-6)

@@ -118,7 +118,7 @@ def test_closed_renderers_and_taken_pictures_leave_no_memory_behind(profile: Ren
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
     # The allocator's arenas grow in a few large jumps before they are used again; a leaked renderer
-    # stays would add to every round, so memory would never stand still over several of them.
+    # would add to every round, so memory would never stand still over several of them.
     used = [once() for _ in range(5)]
     while used[-1] - used[-5] > 4e6 and len(used) < 60:
         used.append(once())

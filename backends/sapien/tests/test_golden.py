@@ -117,7 +117,7 @@ def weathers() -> dict[str, Weather]:
 
 
 def at_the_street(weather: Weather) -> Weather:
-    """With the sun over the end of the street where it is to be in view."""
+    """The sun is over the end of the street if it should be in view."""
     ahead = Sun(elevation_deg=8, azimuth_deg=84)
     return weather.model_copy(update={"sun": ahead}) if weather.sun.in_view_of else weather
 

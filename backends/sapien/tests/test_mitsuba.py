@@ -196,7 +196,7 @@ def test_a_diffuse_scene_without_weather_is_as_bright_as_mitsubas() -> None:
 def test_a_flooded_road_mirrors_as_mitsubas_coated_plastic() -> None:
     road = (0.0, 0.0, -0.5), (400.0, 400.0, 1.0), "asphalt"
     solids = road, WALL, BOX
-    # Walls stay dry, which all but no wetness sees to.
+    # Hardly any wetness: walls stay dry.
     air = lit_by_sky(500.0, sun_lx=20_000.0, wetness=1e-3, puddle_coverage=1.0)
     flooded = {
         "type": "roughplastic",

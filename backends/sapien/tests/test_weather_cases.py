@@ -92,7 +92,7 @@ def card(distance_m: float) -> World:
 
 
 def airlight_ahead(air: Atmosphere) -> float:
-    """Looking level along +x, where nothing is."""
+    """A level view along +x into empty space."""
     middle = slice(air.airlight.shape[1] // 2 - 1, air.airlight.shape[1] // 2 + 1)
     red, green, blue, rise = air.airlight[0, middle, middle].mean(axis=(0, 1))
     return float((1.0 + rise) * (np.array([red, green, blue]) @ LUMINANCE))
@@ -134,7 +134,7 @@ def test_a_black_card_in_fog_shines_with_the_airlight_before_it(
 def test_far_things_in_dust_are_lost_in_the_sky_behind_them(
     rasterised: Open, dust: dict[str, object]
 ) -> None:
-    """By Koschmieder's law 0.006 of the contrast of black things is left at 1.7 visibilities."""
+    """By Koschmieder's law 0.006 of a black object's contrast is left at 1.7 visibilities."""
     dusty = compute_atmosphere(weather(air={"mor_m": None}, dust=dust, sky={"oktas": 3}), "rural")
     distance_m = 1.7 * dusty.mor_m
     size = distance_m / 4.0
