@@ -192,7 +192,7 @@ def compile_suite(
     resolved = resolve_suite(library, suite)
     groups = _assign_crash_groups(library, suite, resolved.roads)
     check_resolved_suite(library, suite, resolved)
-    for line in list_left_out(library, suite, resolved):
+    for line in list_left_out(library, resolved):
         _logger.warning("%s", line)
     scenarios = _build_scenarios(library, suite, resolved, groups, require_sun=require_sun)
     by_traffic = {inputs.traffic_key: inputs for inputs in scenarios}

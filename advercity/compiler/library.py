@@ -4,6 +4,7 @@ import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
@@ -103,9 +104,12 @@ class Library:
             name: item for name, item in self.get_declarations(Weather).items() if not item.optional
         }
 
-    def list_variants(self, name: str) -> tuple[str, ...]:
-        """List the ids selected by a name in a suite: a road may be one per junction."""
-        return self.variants.get(name, (name,))
+    def list_selected(self, kind: str, name: str) -> tuple[str, ...]:
+        """List the ids of declarations of a kind selected by a name, or a pattern with `*`, `?`."""
+        if kind == "road" and name in self.variants:
+            return self.variants[name]  # a road of each junction
+        declared = sorted(other for of_kind, other in self.entries if of_kind == kind)
+        return tuple(other for other in declared if fnmatchcase(other, name))
 
     def find_declared_id(self, name: str) -> str:
         """Return the id under which a road is declared."""
@@ -155,7 +159,7 @@ class Library:
         self, declaration: Declaration, *value_path: str | int, kind: str, name: str
     ) -> list[Diagnostic]:
         """Return a diagnostic at a value if it names an unknown declaration of a kind."""
-        if (kind, name) in self.entries or (kind == "road" and name in self.variants):
+        if self.list_selected(kind, name):
             return []
         known = (other for of_kind, other in self.entries if of_kind == kind)
         hint = suggest_declaration(kind, name, known)

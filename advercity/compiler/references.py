@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 
-from advercity_dsl import Catalogue, Conflict, Suite
+from advercity_dsl import Catalogue, Conflict, Suite, Weather
 from advercity_dsl.base import suggest_name
 
 from advercity.compiler.library import Library
@@ -31,7 +31,7 @@ def check_references(library: Library, suites: Iterable[Suite]) -> None:
     Raises:
         DiagnosticsError: With all unknown names, also of fields.
     """
-    found = [*_check_crash_types(library), *_check_blueprints(library)]
+    found = [*_check_crash_types(library), *_check_blueprints(library), *_check_suns(library)]
     for suite in suites:
         found += _check_suite(library, suite)
     if found:
@@ -86,6 +86,15 @@ def _check_crash_types(library: Library) -> Iterator[Diagnostic]:
                 message, hint = f"unknown crash type '{name}'", suggest_name(name, known)
                 at = ("stages", index)
                 yield library.build_diagnostic(conflict, *at, message=message, hint=hint)
+
+
+def _check_suns(library: Library) -> Iterator[Diagnostic]:
+    for weather in library.get_declarations(Weather).values():
+        document = library.find_entry(weather).source.document
+        for name in weather.sun_at:
+            # The parent of a weather may name roads of its own library.
+            if document.has_value(("sun_at", name)):
+                yield from library.check_reference(weather, "sun_at", name, kind="road", name=name)
 
 
 def _check_blueprints(library: Library) -> Iterator[Diagnostic]:

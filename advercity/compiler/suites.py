@@ -140,19 +140,14 @@ class ResolvedSuite:
     reaction_weather: Weather | None
 
 
-def list_left_out(library: Library, declared: Suite, suite: ResolvedSuite) -> Iterator[str]:
-    """List the parts of a suite without effect: junctions without agents, unselected roads."""
+def list_left_out(library: Library, suite: ResolvedSuite) -> Iterator[str]:
+    """List the parts of a suite without effect: junctions without agents."""
     entries = {
         library.find_declared_id(road.id): library.find_entry(road) for road in suite.roads.values()
     }
     for name, entry in entries.items():
         for junction, reason in entry.left_out.items():
             yield f"{name}: no agents at {junction}: {reason}"
-    document = library.find_entry(declared).source.document
-    for name in declared.stage:
-        # A suite may select fewer roads than its parent stages conflicts on.
-        if name not in entries and document.has_value(("stage", name)):
-            yield f"{declared.id}: stages nothing on '{name}', which `roads` does not select"
 
 
 def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
@@ -163,9 +158,9 @@ def resolve_suite(library: Library, suite: Suite) -> ResolvedSuite:
         written: Iterable[str] = getattr(suite, field)
         if written == "all":
             return available
-        if kind is Road:
-            written = (item for name in written for item in library.list_variants(name))
-        return {name: available[name] for name in written}
+        of_kind = str(kind.model_fields["kind"].default)
+        selected = (item for name in written for item in library.list_selected(of_kind, name))
+        return {name: available[name] for name in selected}
 
     rigs, drivers = library.get_declarations(Rig), library.get_declarations(Drivers)
     weathers = library.get_declarations(Weather)
@@ -195,7 +190,10 @@ def check_resolved_suite(library: Library, declared: Suite, suite: ResolvedSuite
             vertical field of view, a road does not have exactly one ego, an agent is off its road's
             map, or messages are sent between two ticks.
     """
-    diagnostics = [*_check_named_agents(library, declared, suite)]
+    diagnostics = [
+        *_check_named_agents(library, declared, suite),
+        *_check_staged_roads(library, declared, suite),
+    ]
     diagnostics += _check_swept_channel(library, declared, suite)
     if suite.channel is not None:
         diagnostics += find_untimely_messages(library, declared, suite.channel)
@@ -208,6 +206,19 @@ def check_resolved_suite(library: Library, declared: Suite, suite: ResolvedSuite
         diagnostics += _check_recorded_road(library, declared, road)
     if diagnostics:
         raise DiagnosticsError(*diagnostics)
+
+
+def _check_staged_roads(
+    library: Library, declared: Suite, suite: ResolvedSuite
+) -> Iterator[Diagnostic]:
+    """Check that a suite selects the roads for which it stages conflicts itself."""
+    selected = {library.find_declared_id(name) for name in suite.roads}
+    document = library.find_entry(declared).source.document
+    for name in declared.stage:
+        # A suite may select fewer roads than its parent stages conflicts on.
+        if name not in selected and document.has_value(("stage", name)):
+            message, hint = f"`roads` does not select '{name}'", "select it, or remove it here"
+            yield library.build_diagnostic(declared, "stage", name, message=message, hint=hint)
 
 
 def _check_recorded_road(library: Library, suite: Suite, road: Road) -> Iterator[Diagnostic]:

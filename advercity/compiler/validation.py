@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from advercity_dsl import Declaration, Model, Weather
 from advercity_dsl.base import ID_HINT, InvalidCombination, ValuePath, suggest_name
+from advercity_dsl.suite import PATTERN_OF_IDS
 from pydantic import ValidationError
 
 from advercity.compiler.carla_weather import suggest_for_carla_field
@@ -136,6 +137,8 @@ def _describe_non_string(error: FieldError) -> MessageAndHint:
 
 def _describe_invalid_id(error: FieldError) -> MessageAndHint | None:
     # All patterns of ids begin like this; other patterns keep pydantic's message.
+    if error.context["pattern"] == PATTERN_OF_IDS:
+        return f"'{error.value}' is neither an id nor a pattern of ids such as fog_*", ID_HINT
     if not error.context["pattern"].startswith("^[a-z][a-z0-9_]{0,"):
         return None
     return f"'{error.value}' is not an id", ID_HINT

@@ -8,12 +8,12 @@ from pydantic import (
     BeforeValidator,
     Discriminator,
     Field,
+    StringConstraints,
     Tag,
     model_validator,
 )
 
 from advercity_dsl.base import (
-    ID_PATTERN,
     ByName,
     Declaration,
     Id,
@@ -29,18 +29,38 @@ from advercity_dsl.conflict import ResolverFractions
 from advercity_dsl.units import Count, Flag, Metres, Number, Percent, Seconds
 
 
+def _check_named_once(names: tuple[str, ...]) -> tuple[str, ...]:
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise InvalidCombination((index,), f"'{name}' is named twice", "remove one of them")
+    return names
+
+
 def _check_selection(value: object) -> object:
-    is_id = isinstance(value, str) and re.fullmatch(ID_PATTERN, value) is not None
-    hint = f"write [{value}]" if is_id else "list every id: [first_id, second_id]"
+    is_item = isinstance(value, str) and re.fullmatch(PATTERN_OF_IDS, value) is not None
+    hint = f"write [{value}]" if is_item else "list every id: [first_id, second_id]"
     return check_all_or_list(value, things="ids", hint=hint)
 
 
 IdSelection = Annotated[
-    Annotated[Literal["all"], Tag("all")] | Annotated[Items[Id], Tag("list")],
+    Annotated[Literal["all"], Tag("all")]
+    | Annotated[Items[Id], AfterValidator(_check_named_once), Tag("list")],
     Discriminator(find_all_or_list_tag),
     BeforeValidator(_check_selection),
 ]
 """`all`, or a list of ids."""
+PATTERN_OF_IDS = r"^[a-z*?][a-z0-9_*?]{0,63}$"
+PatternSelection = Annotated[
+    Annotated[Literal["all"], Tag("all")]
+    | Annotated[
+        Items[Annotated[str, StringConstraints(pattern=PATTERN_OF_IDS)]],
+        AfterValidator(_check_named_once),
+        Tag("list"),
+    ],
+    Discriminator(find_all_or_list_tag),
+    BeforeValidator(_check_selection),
+]
+"""`all`, or a list of ids and patterns: `fog_*` selects every id that begins like it."""
 Scalar = Flag | Number | str
 CROSSED_KINDS = ("weather", "road", "density", "rig", "catalogue", "channel")
 
@@ -183,12 +203,13 @@ class Suite(Declaration):
     """Rule for the selection of typologies."""
     coverage: Coverage = Coverage()
     """Rule for the kinds of roads of the selected typologies."""
-    roads: IdSelection = "all"
-    """Ids, or `all` of the library, which then needs a road of every required kind."""
-    weathers: IdSelection = "all"
-    """Ids, or `all` of the library but the `optional` ones."""
-    densities: IdSelection = "all"
-    """Ids, or `all` of the library."""
+    roads: PatternSelection = "all"
+    """Ids and patterns such as `r*`, or `all` of the library, which then needs a road of every
+    required kind."""
+    weathers: PatternSelection = "all"
+    """Ids and patterns such as `fog_*`, or `all` of the library but the `optional` ones."""
+    densities: PatternSelection = "all"
+    """Ids and patterns, or `all` of the library."""
     where: dict[FieldPath, Scalar | Items[Scalar] | ValueRange] = Field(
         default_factory=dict, max_length=1000
     )

@@ -79,16 +79,40 @@ def test_validation_of_your_folder_looks_at_your_suites(library: Path, tmp_path:
     assert f"{tmp_path / 'suite.yaml'}:" in str(caught.value)
 
 
-def test_what_is_staged_on_a_road_that_the_suite_leaves_out_is_told(
-    library: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        ({"stage": {"ri": ["od_drift"]}}, "stage.ri: `roads` does not select 'ri'"),
+        ({"roads": ["ui", "ui"]}, "roads.1: 'ui' is named twice"),
+        ({"weathers": ["fog_*", "ice_?"]}, "weathers.1: unknown weather 'ice_?'"),
+        ({"weathers": ["Fog_*"]}, "weathers.0: 'Fog_*' is neither an id nor a pattern"),
+    ],
+)
+def test_names_of_a_suite_that_select_nothing_are_errors(
+    library: Path, tmp_path: Path, fields: dict[str, object], told: str
 ) -> None:
-    write_suite(tmp_path, cross_conflicts=[], stage={"ri": ["od_drift"]})
+    write_suite(tmp_path, cross_conflicts=[], **fields)
+    with pytest.raises(InputError) as caught:
+        compile_library(library, tmp_path, suite="mine")
+    assert told in str(caught.value)
 
-    assert len(compile_library(library, tmp_path, suite="mine")) == 1
-    assert caplog.messages == ["mine: stages nothing on 'ri', which `roads` does not select"]
+
+def test_a_sun_at_an_unknown_road_is_an_error(library: Path, tmp_path: Path) -> None:
+    weather = tmp_path / "low_sun.yaml"
+    sun = "{elevation_deg: 10 deg, azimuth_deg: 90 deg}"
+    weather.write_text(f"kind: weather\nid: low_sun\nextends: clear_day\nsun_at:\n  rj: {sun}\n")
+    write_suite(tmp_path, weathers=["low_sun"])
+    with pytest.raises(InputError, match=r"sun_at\.rj: unknown road 'rj'"):
+        compile_library(library, tmp_path, suite="mine")
 
 
-@pytest.mark.parametrize(("written", "hint"), [("fog*", "list every id"), ("fog_day", "[fog_day]")])
+def test_patterns_select_every_id_that_matches(library: Path, tmp_path: Path) -> None:
+    write_suite(tmp_path, weathers=["fog_*", "clear_da?"], cross_conflicts=[])
+    found = compile_library(library, tmp_path, suite="mine")
+    assert sorted(spec.weather.id for spec in found) == ["clear_day", "fog_day", "fog_night"]
+
+
+@pytest.mark.parametrize(("written", "hint"), [("fog*", "[fog*]"), ("fog_day", "[fog_day]")])
 def test_a_text_in_place_of_a_list_is_told_how_to_write_one(
     library: Path, tmp_path: Path, written: str, hint: str
 ) -> None:
