@@ -38,8 +38,8 @@ _PARTIAL_PATTERN = re.compile(r"\.partial-([0-9a-f]{8})-(\d+)-([0-9a-f]{8})-[0-9
 def open_partial_folder(folder: Path) -> Generator[Path]:
     """Yield a temporary folder in `folder`, which is created if necessary.
 
-    Leftovers of killed processes of this machine are removed. After an error, so are empty folders
-    created for it.
+    Leftovers of killed processes of this machine are removed; after an error, new empty folders,
+    too.
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     remove_abandoned_partials(folder, max_age_s=math.inf)

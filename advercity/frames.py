@@ -1,7 +1,6 @@
 """Traffic, tick by tick: `Trace` holds all of it in arrays, `Frame` one tick as objects.
 
-All later rooms take these types. A pose is kept as a row of `STATE_DTYPE` and turned into a matrix
-when a frame is built.
+All later rooms take these types. A pose is a row of `STATE_DTYPE`, and a matrix in a frame.
 """
 
 import hashlib
@@ -135,8 +134,7 @@ class ActorState:
     has_led_headlamps: bool = False
     """Whether its headlamps have LEDs instead of halogen bulbs; not part of the trace."""
     tail_light_ratio: float = 1.0
-    """Light of its tail lamps in a camera's exposure, relative to their mean; not part of the
-    trace."""
+    """Light of its tail lamps in an exposure, relative to their mean; not part of the trace."""
 
     @property
     def box(self) -> Box:
@@ -312,8 +310,7 @@ class Trace:
             np.savez_compressed(stream, allow_pickle=False, **self._columns())
 
     def _columns(self) -> dict[str, NDArray[np.generic]]:
-        # Without trailers and roll there are no columns for them: the checksum stays as in earlier
-        # versions.
+        # Without trailers and roll there are no columns for them: old checksums stay.
         names = [item.name for item in fields(Actor)]
         if not any(actor.towed_by for actor in self.actors):
             names.remove("towed_by")

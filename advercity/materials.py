@@ -98,8 +98,7 @@ PLASTIC_77GHZ = RadarSurface(2.6 + 0.03j, 0.3, 0.3)
 RUBBER_77GHZ = RadarSurface(3.5 + 0.5j, 1.0, 0.3)
 SKIN_77GHZ = RadarSurface(6.6 + 8.9j, 1.0, 0.4)
 CLOTH_77GHZ = RadarSurface(4.0 + 4.0j, 1.0, 0.4)
-"""Skin through textile, which costs 2 dB: an assumption, by which a pedestrian has the measured
-cross-section."""
+"""Skin through textile (2 dB): assumed to give a pedestrian the measured cross-section."""
 WATER_77GHZ = RadarSurface(7.6 + 12.8j, 0.02, 0.05)
 
 
@@ -111,8 +110,7 @@ class ThermalSurface:
         emissivity: From 8 to 14 um, facing it; the rest it reflects.
         sun_response: Its excess of temperature in the sun, as a fraction of an insulated sheet's:
             the rest goes inside or evaporates.
-        stored: Fraction of the day's mean excess kept at any hour; the higher, the less it cools
-            under a clear sky.
+        stored: Fraction of the day's mean excess kept at any hour; the higher, the less it cools.
     """
 
     emissivity: float

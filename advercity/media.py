@@ -28,8 +28,7 @@ def write_image(image: NDArray[Any], path: Path) -> None:
     """Write an image (h, w, 3) in BGR as PNG or JPEG, by the file's suffix.
 
     Raises:
-        InputError: The suffix is of no image format, the file cannot be written, or the existing
-            file may not be replaced.
+        InputError: The suffix is of no image format, or the file cannot be written or replaced.
     """
     content = _encode_image(image, path)
     try:
@@ -72,8 +71,7 @@ class VideoWriter:
         """Prepare a video with an image per tick of `tick_s` seconds.
 
         Raises:
-            InputError: PyAV is not installed, or the existing file may not be replaced (when the
-                context is entered).
+            InputError: PyAV is missing, or the file may not be replaced (on entering the context).
             RunError: The file cannot be written.
         """
         self._path = path

@@ -38,8 +38,7 @@ def tabulate_degradation(
 
     A sensor's range ends at the first 10 m in which it detects less than half of the vehicles
     within reach of the LiDAR's beams in clear weather. A LiDAR must return five points of vehicles
-    within reach of five beams; a radar needs one detection of vehicles up to 45 degrees to the
-    side.
+    within reach of five beams; a radar needs one detection, up to 45 degrees to the side.
 
     Args:
         dataset: Dataset of a suite with a sweep.

@@ -15,8 +15,7 @@ from advercity.geometry.arrays import Float64Array
 from advercity.geometry.poses import Matrix
 
 VEHICLES = ("car", "van", "truck", UNCLASSIFIED)
-"""Classes in the original's benchmark, without two-wheelers and people, and the class of OPV2V's
-objects."""
+"""Classes of the original's benchmark, without two-wheelers and people, and OPV2V's class."""
 COMMUNICATION_RANGE_M = 70.0
 """Agents within this distance of the ego cooperate, as in OPV2V's configurations."""
 RANGE_M = (140.0, 40.0)
@@ -90,7 +89,6 @@ def load_frame_truth(
 
 
 def _list_cooperating(frame: FrameView, ego: AgentView, range_m: float) -> list[AgentView]:
-    """List the views of the ego and of the agents in its range."""
     place = ego.world_from_lidar[:2, 3]
     others = (view for view in frame.views.values() if view is not ego)
     near = [view for view in others if math.dist(view.world_from_lidar[:2, 3], place) <= range_m]

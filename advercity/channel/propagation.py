@@ -4,8 +4,7 @@ Path loss, loss behind vehicles and the spread of shadowing follow 3GPP TR 37.88
 6.2.1, for vehicles and roadside units alike; its random quantities (whether a path is blocked, and
 the height of the blocking vehicle) are given here. Fast fading, reflections, vegetation and
 diffraction around corners are left out; the loss behind buildings is a mean with the last two. Rain
-and fog cost 0.2 dB (50 mm/h) and 0.01 dB (0.3 g/m³) per km at 5.9 GHz, and matter to no link of a
-road.
+and fog cost 0.2 dB (50 mm/h) and 0.01 dB (0.3 g/m³) per km at 5.9 GHz, too little to matter.
 """
 
 import math

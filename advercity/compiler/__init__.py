@@ -2,8 +2,8 @@
 
 A declaration is read with positions (`source`), merged with its parents (`extends`), validated
 (`validation`) and indexed in a library (`library`). A suite is resolved (`suites`), crossed into
-the inputs of scenarios (`crossing`, `scenarios`), and assembled into specs (`assembly`), which are
-JSON files (`spec_files`).
+the inputs of scenarios (`crossing`, `scenarios`), and assembled into specs (`assembly`), JSON files
+(`spec_files`).
 """
 
 from advercity.compiler.assembly import is_edited, with_digest, with_weather

@@ -47,8 +47,8 @@ def format_starter(kind: str, name: str, *, schemas: str = SCHEMAS_FOLDER) -> st
 def write_starter(kind: str, name: str, folder: Path) -> Path:
     """Write a new declaration and its schema; existing declarations are never overwritten.
 
-    The schema goes into the library's folder of schemas, or into a new one next to the file; an
-    edited schema stays.
+    The schema goes into the library's folder of schemas, or next to the file; an edited schema
+    stays.
 
     Raises:
         InputError: The kind or name is not valid, the file exists, or the folder is in a scenario.

@@ -36,8 +36,8 @@ def apply_calibrations(rig: ResolvedDeclaration) -> ResolvedDeclaration:
     """Fill in the size, intrinsics and lens of every camera of a rig with a calibration.
 
     Raises:
-        DiagnosticsError: A file is missing, too large, elsewhere than below the rig's folder, or
-            has unknown parts.
+        DiagnosticsError: A file is missing, too large, outside the rig's folder, or has unknown
+            parts.
     """
     data = rig.data
     for value_path, camera in iterate_sensors(rig.data, "camera"):

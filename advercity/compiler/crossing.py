@@ -67,8 +67,7 @@ def compile_library(
     """Compile the scenarios of a suite; `advercity.write_specs` puts them into files.
 
     Args:
-        folders: Libraries of declarations, which may refer to each other. Without any, advercity's
-            own library.
+        folders: Libraries, which may refer to each other; by default advercity's own.
         suite: Id of the suite; None is the libraries' default or only suite.
         settler: Seeks seeds and waits with which staged conflicts happen, by simulation.
 
@@ -348,7 +347,7 @@ def _assign_crash_groups(
 ) -> dict[str, tuple[CrashGroup, ...]]:
     """Return the selected crash groups for each road.
 
-    A suite of all roads must have a road of every required kind; any suite's roads must each be
+    A suite of all roads must have a road of every required kind; each road of any suite must be
     required.
     """
     diagnostics: list[Diagnostic] = []

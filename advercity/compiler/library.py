@@ -439,7 +439,6 @@ def _build_weather_entry(source: ResolvedDeclaration) -> LibraryEntry[Declaratio
 def _import_map(
     road: Road, declared: MapFile, source: ResolvedDeclaration
 ) -> tuple[Road, tuple[Surrounding, ...]]:
-    """Import the network of a road and the surroundings of its map."""
     value_path = ("imported", "file")
     folder = source.find_document(value_path).path.parent
     try:

@@ -1,7 +1,6 @@
 """Suggest conflicts for the junctions of a map, with the road and the suite to paste.
 
-Conflicts are bound and solved, not simulated: `compile --settle` shows whether other traffic lets
-them happen.
+Conflicts are bound and solved, not simulated: `compile --settle` shows the effect of traffic.
 """
 
 import re

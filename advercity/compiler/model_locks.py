@@ -1,7 +1,6 @@
 """Locks of catalogues: the checksum of each 3-D model as built, in a file next to the catalogue.
 
-`advercity assets lock` writes them. Specs take their checksums from here: compiling needs no
-models.
+`advercity assets lock` writes them. Specs take checksums from here: compiling needs no models.
 """
 
 from collections.abc import Callable, Mapping

@@ -129,8 +129,7 @@ def write_recorded_road(
         output: Folder for road, suite, table and map.
 
     Raises:
-        InputError: A choice does not exist, the map does not fit, or a file in the folder may not
-            be replaced.
+        InputError: A choice does not exist, the map does not fit, or a file may not be replaced.
     """
     library = load_library(find_shipped_library())
     _check_choice(choice, library)

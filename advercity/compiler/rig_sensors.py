@@ -18,6 +18,5 @@ def iterate_sensors(data: Any, kind: str) -> Iterator[tuple[ValuePath, dict[str,
 
 
 def _get_mapping(data: Any, key: str) -> dict[str, Any]:
-    """Return the mapping at a key, or an empty one."""
     value = cast(dict[str, Any], data).get(key) if isinstance(data, dict) else None
     return cast(dict[str, Any], value) if isinstance(value, dict) else {}

@@ -1,7 +1,6 @@
 """Search by simulation for the seed and the waits with which conflicts happen.
 
-Attempts come in a fixed order and the first success counts: the same declarations give the same
-specs.
+Attempts come in a fixed order and the first success counts: specs are reproducible.
 """
 
 import math

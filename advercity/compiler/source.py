@@ -131,8 +131,7 @@ def _replace_value(data: Any, value_path: ValuePath, value: Any) -> Any:
 class _Loader(yaml.CSafeLoader):
     """Resolves plain scalars by the core schema of YAML 1.2 instead of YAML 1.1."""
 
-    # Its own table: PyYAML would otherwise copy the one of YAML 1.1, where `on` and `1_0` are
-    # values.
+    # Its own table: PyYAML would otherwise copy YAML 1.1's, where `on` and `1_0` are values.
     yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
 
 

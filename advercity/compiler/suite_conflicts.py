@@ -86,8 +86,7 @@ def select_conflicts(
     """Select the conflicts of every road by its suite.
 
     Raises:
-        DiagnosticsError: A conflict does not fit its road, or a required group is not staged on its
-            road.
+        DiagnosticsError: A conflict does not fit its road, or lacks a required group.
     """
     if suite.cross_conflicts:
         return [(item,) for item in _select_crossed(library, suite, roads, groups)]

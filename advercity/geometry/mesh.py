@@ -1,8 +1,7 @@
 """Triangle surfaces, and the meshes of worlds and bodies.
 
 A `TriangleSurface` is bare geometry in double precision; a `MeshPart` adds its material. A `Mesh`
-joins all parts of one material, semantic class and wheel, since every mesh costs a renderer a draw
-call.
+joins all parts of one material, semantic class and wheel, since every mesh costs a draw call.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -61,12 +60,10 @@ class Mesh:
         material: Key of `advercity.materials.MATERIALS`.
         semantic: Semantic class in labels.
         normals: (n, 3) float32 for smooth shading, or None for flat faces.
-        weights: (n, bones) float32 skinning weights of a body with a gait, rows sum to 1; None for
-            rigid meshes.
+        weights: (n, bones) float32 skinning weights, rows sum to 1; None for rigid meshes.
         wheel: Its wheel, if it turns with one, or None.
         uv: (n, 2) float32 metres to the right and up on the images of its material, or None: images
-            then lie over a static mesh along the world's axes. Panes of rooms have codes of
-            `scene.rooms` instead.
+            then lie over a static mesh along the world's axes. Panes have codes of `scene.rooms`.
         layer: Its part of a body.
         maps: Name of images of its own, in place of the material's; empty for none.
         writing: First and last vertex, the latter excluded, of every line of writing on it.

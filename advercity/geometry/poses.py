@@ -119,8 +119,7 @@ def _turn_partly(vector: Matrix, part: Matrix) -> Matrix:
 def interpolate_poses(first: Matrix, second: Matrix, fraction: ArrayLike) -> Matrix:
     """Interpolate poses (n, 4, 4) at fractions (n,) between two poses (4, 4).
 
-    Positions are linear, rotations go evenly about one axis; fractions 0 and 1 give the two poses
-    exactly.
+    Positions are linear, rotations go evenly about one axis; 0 and 1 give the two poses exactly.
     """
     part = np.asarray(fraction, dtype=np.float64)[:, None, None]
     turn = _turn_partly(to_rotation_vector(first[:3, :3].T @ second[:3, :3]), part)

@@ -35,7 +35,6 @@ from advercity.roads.signals import TrafficLight, TrafficSign
 from advercity.roads.streets import StreetLayout, approach_name
 
 EDGE_LINE_INSET_M = 0.1
-"""Distance from the edge of the roadway to its edge line."""
 MIN_EDGE_LENGTH_M = 1.0
 """Shorter edges, which joined junctions leave, get no lines."""
 CUT_MARGIN_M = 0.1

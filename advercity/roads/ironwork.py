@@ -49,7 +49,6 @@ def _is_built_up(lane: LaneSegment, kerbs: shapely.Geometry) -> bool:
 
 
 def _draw_covers(lane: LaneSegment, draw: np.random.Generator) -> Points:
-    """Draw stations (n,) of covers on a lane."""
     if lane.in_junction:
         is_there = draw.uniform() < JUNCTION_COVER_FRACTION
         return np.array([lane.length_m * draw.uniform(0.3, 0.7)] * is_there)

@@ -317,8 +317,7 @@ def _gap(first: float, second: float) -> float:
 def place_at_every_arm(road: Road, declared: JunctionAgents, junction: str) -> list[Road]:
     """Place the agents of a road at a junction, with the ego on each possible arm.
 
-    An ego without `arm` may come from all arms at which the others find their places, the busiest
-    first.
+    An ego without `arm` may come from all arms with places for the others, the busiest first.
 
     Raises:
         MisplacedPartError: No arm is possible.

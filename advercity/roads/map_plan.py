@@ -158,7 +158,7 @@ def check_distance(degrees: Iterable[Point2], road: Road) -> None:
     """Check that the middle of a map, by latitudes and longitudes, is near the road's origin.
 
     Raises:
-        InputError: It is not.
+        InputError: It is too far away.
     """
     latitude, longitude = np.mean(list(degrees), axis=0)
     north, east = np.radians([latitude - road.origin_lat_deg, longitude - road.origin_lon_deg])

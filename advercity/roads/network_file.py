@@ -155,7 +155,6 @@ class SumoEdge:
     to_junction: str
     lanes: tuple[SumoLane, ...]
     crossed_edges: tuple[str, ...] = ()
-    """Edges crossed by a crossing."""
 
     @property
     def junction(self) -> str:
@@ -255,8 +254,7 @@ class SignalProgram:
         """Find the state at a time since the program began."""
         left_s = (time_s - self.offset_s) % sum(duration_s for duration_s, _ in self.phases)
         for duration_s, state in self.phases:
-            # A phase up to a tick has ended there, at any rounding of the sum of its tenths of
-            # seconds.
+            # A phase up to a tick has ended there, at any rounding of the sum of tenths of seconds.
             if left_s < duration_s - 1e-6:
                 return state
             left_s = max(left_s - duration_s, 0.0)

@@ -59,8 +59,7 @@ def plan_extract(root: Element, road: Road, declared: MapFile, ledger: Ledger) -
         ledger: Record of omissions.
 
     Raises:
-        InputError: It is far from the road's origin, or its ways disagree about the side of
-            traffic.
+        InputError: It is far from the road's origin, or its ways disagree about the driving side.
     """
     _check_places(root, road)
     side = _find_driving_side(root, road, declared, ledger)

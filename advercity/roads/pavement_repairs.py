@@ -28,8 +28,8 @@ CRACK_STEP_M, CRACK_TURN_M = 0.3, 0.045
 LENGTHWISE_M = (3.0, 14.0)
 PATCH_LENGTH_M, PATCH_WIDTH_M, PATCH_MARGIN_M = (0.7, 4.5), (0.6, 1.7), 0.25
 JOINT_FRACTION, JOINT_WIDTH_M, JOINT_OFFSET_M, JOINT_STEP_M = 0.5, 0.03, 0.13, 1.5
-"""Fraction of the lanes with a visible joint on their left, its width, distance from there, and the
-length of its pieces."""
+"""Fraction of lanes with a joint on their left, its width, distance from there, length of
+pieces."""
 END_MARGIN_M = 2.0
 """Ends of lanes, where stop lines are, and short lanes have no repairs."""
 
@@ -110,7 +110,6 @@ def _seal_transverse_crack(
 def _seal_lengthwise_crack(
     lane: LaneSegment, at_m: float, draw: np.random.Generator
 ) -> Iterator[RoadInlay]:
-    """Seal a crack along a lane."""
     length_m = min(draw.uniform(*LENGTHWISE_M), lane.length_m - at_m - 0.5 * END_MARGIN_M)
     if length_m < LENGTHWISE_M[0] / 2:
         return

@@ -26,8 +26,7 @@ NO_NUMBER = "has a place that is no number"
 def plan_network(root: Element, road: Road, declared: MapFile, ledger: Ledger) -> MapPlan:
     """Lay out a foreign network in the plan.
 
-    SUMO counts the lanes of a network with traffic on the left from the left; mirrored, they are
-    counted from the right.
+    SUMO counts lanes from the left if traffic is on the left; mirroring counts from the right.
 
     Args:
         root: The network.

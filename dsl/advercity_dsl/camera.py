@@ -111,8 +111,8 @@ class RawOutput(CompactModel):
 class Isp(CompactModel):
     """Image signal processor: makes the image of the values of the sensor's pixels.
 
-    It reads the values described by `raw`. A camera without `raw` has 16 bits with all highlights
-    and a black level of 1024.
+    It reads the values described by `raw`. Without `raw`, it reads 16 bits with all highlights and
+    a black level of 1024.
     """
 
     demosaic: Literal["bilinear", "edge_aware"] = "edge_aware"
@@ -125,8 +125,7 @@ class Isp(CompactModel):
     jpeg_quality: Annotated[Count, Field(ge=1, le=100)] | None = Field(
         default=None, exclude_if=is_none
     )
-    """Quality of the JPEG whose artefacts the image has; without it, the image is not
-    compressed."""
+    """Quality of the JPEG whose artefacts the image has; without it, there is no compression."""
 
 
 MAX_BLURRED_S = 0.1
@@ -200,8 +199,8 @@ class Camera(Sampled):
     calibration: Annotated[str, Field(min_length=1, max_length=1000)] | None = Field(
         default=None, exclude_if=is_none
     )
-    """File with size, intrinsics and lens, relative to the declaration: a camera_info of ROS, or a
-    chain of Kalibr."""
+    """File with size, intrinsics and lens, relative to the declaration: ROS camera_info, or Kalibr
+    chain."""
     calibrated_camera: Annotated[str, Field(min_length=1, max_length=64)] | None = Field(
         default=None, exclude_if=is_none
     )
@@ -211,8 +210,7 @@ class Camera(Sampled):
     exposure: Exposure = Exposure()
     """How it is exposed."""
     highlights_ev: Annotated[Number, Field(ge=0, le=4)] = 4
-    """Stops above pixel saturation resolved by the sensor and compressed by the tone curve; 0 is a
-    plain sensor, which clips."""
+    """Stops above saturation, resolved by the sensor and compressed by the tone curve; 0 clips."""
     combined_exposures: Annotated[Count, Field(ge=1, le=4)] = Field(
         default=1, exclude_if=lambda value: value == 1
     )

@@ -140,8 +140,8 @@ class AwarenessMessage(CompactModel):
 class PerceptionMessage(CompactModel):
     """Collective perception message (ETSI TR 103 562, TS 103 324): objects sensed by a station.
 
-    It has the station's annotated objects, with drawn errors in place of the errors of a detector
-    and tracker.
+    It has the station's annotated objects, with drawn errors in place of a detector's and
+    tracker's.
     """
 
     period_s: Period = 0.1

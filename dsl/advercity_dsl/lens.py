@@ -14,8 +14,7 @@ from advercity_dsl.base import CompactModel
 from advercity_dsl.units import Number
 
 MAX_OFF_AXIS_DEG = 75.0
-"""Largest angle off the axis in an image: one plane is rendered, and its corners would otherwise
-take most of the pixels."""
+"""Largest angle off the axis in an image: beyond it, corners take most of the rendered plane."""
 MAX_RENDERED_PX = 16_384
 """Largest side of the rendered plane: the limit of graphics cards."""
 SEARCH_STEPS = 1500

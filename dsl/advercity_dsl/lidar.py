@@ -88,7 +88,7 @@ class LidarReceiver(CompactModel):
 class PrismScan(CompactModel):
     """Two wedge prisms on one axis, which turn and deflect all beams (a Risley pair).
 
-    A beam is off the axis by the sum of two turning vectors. The pattern goes on from scan to scan
+    A beam is off the axis by the sum of two turning vectors. The pattern goes on with every scan
     and fills a disc.
     """
 

@@ -113,8 +113,7 @@ class SensorKinds(NamedTuple):
 def load_sensor_kinds() -> SensorKinds:
     """Load the kinds of this installation."""
     found, broken = dict(CORE_KINDS), dict[str, str]()
-    # By name: the order of installation must not matter. A distribution on two paths is listed
-    # twice.
+    # By name: the order of installation must not matter. One on two paths is listed twice.
     entries = entry_points(group=ENTRY_POINT_GROUP)
     distributions = {entry.name: entry.dist.name if entry.dist else "" for entry in entries}
     claimed = sorted({(entry.name, entry.value) for entry in entries})

@@ -242,8 +242,7 @@ class Suite(Declaration):
     catalogue: Id
     """Vehicles and people of every scenario."""
     bodies: ByName[Id] = Field(default_factory=dict, exclude_if=is_empty)
-    """Blueprints of single connected vehicles, by the agent's id; others have the catalogue's
-    `ego`."""
+    """Blueprints of single connected vehicles, by agent; others have the catalogue's `ego`."""
     drivers: Id | None = Field(default=None, exclude_if=lambda name: name is None)
     """Drivers who react to weather; without them, traffic is the same in every weather."""
     resolved_by: ResolverFractions | None = Field(default=None, exclude_if=is_none)
@@ -255,8 +254,7 @@ class Suite(Declaration):
     noise of sensors shared by all weathers (`weather`), or as in the weather of each scenario, with
     its own seeds (`none`)."""
     reaction_weather: Id | None = Field(default=None, exclude_if=is_none)
-    """Weather whose friction and visibility the ego reacts with; without it, a dry road in clear
-    air."""
+    """Weather of the ego's friction and visibility; without it, a dry road in clear air."""
     seeds: Seeds = Seeds()
     """Seeds of all random numbers."""
     repeats: Annotated[Count, Field(ge=1, le=MAX_REPEATS)] = Field(

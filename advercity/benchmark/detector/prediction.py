@@ -54,8 +54,8 @@ def predict_dataset(
         output: File of predictions.
         camera: File of a detector trained on images, whose boxes are fused with the first
             detector's boxes in the cloud of the same station.
-        fusion: By default the detector's; a detector trained without fusion can also fuse `late`
-            and `early`.
+        fusion: By default the detector's; one trained without fusion can also use `late` and
+            `early`.
         is_ideal: Whether all stations in range arrive at once and with their true poses.
         frames: Used frames of each scenario.
         device: As PyTorch names it.

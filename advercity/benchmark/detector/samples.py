@@ -129,7 +129,6 @@ def _draw_sample(
 
 
 def _move_points(clouds: list[StationCloud], turn: Matrix, mirror: Matrix) -> list[Float32Array]:
-    """Turn the points of the first cloud, and mirror the points of all."""
     points = [cloud.points.copy() for cloud in clouds]
     points[0][:, :3] = poses.transform_points(turn, points[0][:, :3])
     for one in points:

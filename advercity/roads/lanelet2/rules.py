@@ -52,7 +52,6 @@ class RightOfWay:
         )
 
     def _list_rules(self, lanelets: Iterable[Lanelet]) -> list[tuple[str, "_Rule"]]:
-        """List the rules of lanelets, each with its lanelet's id."""
         return [
             (lanelet.id, rule)
             for lanelet in lanelets

@@ -86,7 +86,6 @@ def _follow(
     neighbours: dict[tuple[str, ...], Lanelet],
     get_bound: Callable[[Lanelet], Bound],
 ) -> Iterator[Lanelet]:
-    """Follow lanelets from neighbour to neighbour, across the bounds between them."""
     seen = {first.id}
     here: Lanelet | None = first
     while (here := neighbours.get(get_bound(here).nodes)) and here.id not in seen:

@@ -20,8 +20,7 @@ class PlanGeometry:
         heading: Its direction there.
         length_m: Its length.
         shape: `line`, `arc`, `spiral`, `poly3` or `paramPoly3`.
-        values: Curvature of an arc; curvatures of a spiral; coefficients of polynomials, u before
-            v.
+        values: Curvature of an arc; curvatures of a spiral; polynomials' coefficients, u before v.
         is_normalized: Whether a parametric polynomial runs from 0 to 1.
     """
 

@@ -66,8 +66,7 @@ def build_stretches(road: Road) -> Iterator[Stretch]:
 def _place_ends(road: Road) -> list[float]:
     """Place the stations where sections begin, and the end of the last.
 
-    Editors leave sections of some millimetres, which link the lanes before and behind them: they
-    grow to have a direction.
+    Editors leave sections of some millimetres, which link lanes: they grow to have a direction.
     """
     begins = [section.begins_m for section in road.sections]
     ends = [*begins[1:], road.length_m]

@@ -136,7 +136,6 @@ class PathFinder:
         return self._find_nearest(arms or [end for end in (said, other) if end], near)
 
     def _list_arms(self, junction: str, road: str) -> list[StretchEnd]:
-        """List the ends of a road at a junction."""
         found = self._document.roads.get(road)
         ends = [
             self._index.find_end(road, contact)
@@ -194,7 +193,6 @@ class PathFinder:
             yield found, self._index.link(end, found, is_mutual=inside).lanes
 
     def _list_entered(self, junction: str, road: str) -> Iterator[Connection]:
-        """List the connections of a junction from a road."""
         found = self._document.junctions.get(junction)
         for connection in () if found is None else found.connections:
             if connection.incoming_road == road and not connection.is_direct:

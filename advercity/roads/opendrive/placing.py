@@ -98,7 +98,6 @@ def _is_left_handed(document: OpenDriveMap) -> bool:
 
 
 def _move_map(document: OpenDriveMap, origin_m: Point2) -> OpenDriveMap:
-    """Move a map's origin to one of its points."""
 
     def move(piece: PlanGeometry) -> PlanGeometry:
         x, y = piece.start

@@ -141,8 +141,7 @@ def fetch_hit(scene: Scene, crossing: Crossing, origin: Any, ray: Any, active: A
     face = dr.normalize(dr.cross(step1, step2))
     is_leaf = kind == int(Texture.LEAVES)
     is_blade = (kind == int(Texture.CROPS)) & (dr.abs(dr.dot(normal, face)) < BLADE_COSINE)
-    # Leaves have the normal of their crown, on the visible side; blades of crops have the field's,
-    # on both sides.
+    # Leaves have their crown's normal, on the visible side; blades the field's, on both sides.
     back = dr.dot(dr.select(is_leaf, normal, face), ray) > 0.0
     normal = dr.select(back & ~is_blade, -normal, normal)
     lens = dr.gather(mi.Float, placed.luminances, row * LENS_COUNT + mi.UInt32(second.z), active)

@@ -137,8 +137,8 @@ def _compute_chances(
 ) -> FloatArray:
     """Compute the chance of each lamp in each cell (cells, lamps).
 
-    It is the mean, over the points of the cell, of the lamp's fraction of their light: no lamp is
-    rare where it matters.
+    It is the mean, over the points of the cell, of its fraction of their light: no lamp is rare
+    where it matters.
     """
     count = dr.opaque(mi.UInt32, lamp_count)
     number = dr.arange(mi.UInt32, points.size // 3 * lamp_count)

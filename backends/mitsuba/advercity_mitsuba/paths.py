@@ -149,8 +149,7 @@ class _Path:
     Attributes:
         radiance: Light found so far.
         lenses: In addition, light straight from the lens of a lamp to the camera.
-        at_pane: Number in [0, 1) to decide whether the first pane mirrors, even over the samples of
-            a pixel.
+        at_pane: Number in [0, 1) for the choice of the first pane, even over a pixel's samples.
     """
 
     origin: Any
@@ -172,7 +171,6 @@ class _Path:
 def _trace_path(
     scene: Scene, camera: Camera, direction: Any, path_depth: Any, random: Any, at_pane: Any
 ) -> _Path:
-    """Trace a path from the camera to its end."""
 
     def cross_pane(path: _Path, hit: Hit) -> _Path:
         return _cross_pane(scene, path, hit)

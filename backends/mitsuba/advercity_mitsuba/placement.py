@@ -119,7 +119,6 @@ class FramePlacer:
         ]
 
     def _get_bodies(self, shape: BodyShape) -> dict[Wheel | None, RegisteredBody]:
-        """Get the bodies of a shape: its wheels, and the rest in one."""
         if shape not in self._bodies:
             parts: defaultdict[Wheel | None, list[Mesh]] = defaultdict(list)
             for mesh in shape.build_meshes(self._world.bodies):
