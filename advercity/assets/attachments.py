@@ -128,10 +128,7 @@ def _build_carrycot(foot: Float64Array, cloth: str) -> Iterator[Piece]:
 
 
 def _build_hood(pivot: Float64Array, radii: tuple[float, float]) -> TriangleSurface:
-    """Build a quarter of a shell over the far end, open towards the person.
-
-    Radii are along and across the pram.
-    """
+    """Build a quarter of a shell over the far end, open to the person; radii along and across."""
     turn, across = np.radians(np.linspace(0.0, 112.0, 8)), np.pi * np.arange(11)[:, None] / 10
     ahead = radii[0] * np.sin(across)
     outside = np.stack(
@@ -251,10 +248,7 @@ _TROT_PHASES = {
 
 
 def build_dog(at: Float64Array, hand: Float64Array, stride_m: float, fur: str) -> Attachment:
-    """Build a trotting dog, its trunk over `at` (3,), on a leash from a hand (3,).
-
-    `stride_m` is the person's.
-    """
+    """Build a dog trotting at a person's stride, trunk over `at` (3,), leash to a hand (3,)."""
     legs = {bone: _compute_leg(bone, stride_m / _DOG_STRIDES) for bone in _DogBone}
     bones = 1 + 2 * len(legs)
     shape = _shape_dog({bone: rest for bone, (rest, _) in legs.items()})

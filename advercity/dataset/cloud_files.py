@@ -244,10 +244,7 @@ def _read_cloud_file(path: Path) -> bytes:
 
 
 def _parse_pcd_header(header: str) -> tuple[int, np.dtype[np.void]]:
-    """Parse the number of points and their fields.
-
-    LookupError, TypeError or ValueError if it is no header.
-    """
+    """Parse point count and fields; LookupError, TypeError or ValueError if it is no header."""
     entries = {key: values for key, *values in map(str.split, header.splitlines()) if key != "#"}
     names = entries["FIELDS"]
     letters = {"F": "f", "I": "i", "U": "u"}

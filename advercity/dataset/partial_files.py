@@ -100,10 +100,7 @@ _UNMOVED_RECORDS = TypeAdapter(tuple[_Records])
 def append_to_journal(
     scenario: Path, process: int, records: Mapping[str, FileRecord], *, moved: bool
 ) -> Path:
-    """Append to the journal of a process: files are to be moved into place, or have been.
-
-    Returns the journal.
-    """
+    """Append records of files, moved or to be moved, to a process's journal; return its path."""
     content = _RECORDS.dump_json(dict(records), exclude_none=True)
     line = (content if moved else b"[%b]" % content) + b"\n"
     path = find_staging_folder(scenario) / f"journal_{process}.jsonl"
@@ -264,10 +261,7 @@ def remove_idle_staging_folder(scenario: Path) -> None:
 
 
 def remove_empty_staging_folder(scenario: Path) -> None:
-    """Delete the staging folder of a scenario if a run was killed just before it did so.
-
-    Loaders of OPV2V take it for a scenario.
-    """
+    """Delete a killed run's staging folder, which loaders of OPV2V take for a scenario."""
     staging = find_staging_folder(scenario)
     is_idle = all(path.is_dir() or path.name == "lock" for path in staging.rglob("*"))
     if staging.parent.is_dir() and is_idle:

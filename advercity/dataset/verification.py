@@ -231,10 +231,7 @@ def restore_files(
 def _restore(
     scenario: Path, manifest: Manifest, files: Mapping[str, bytes], damaged: set[str]
 ) -> set[str]:
-    """Replace the damaged files if their new content has the recorded checksum.
-
-    Returns their paths.
-    """
+    """Replace damaged files if the new content has the recorded checksum; return their paths."""
     restored = damaged & files.keys()
     for path in restored:
         content, expected = files[path], manifest.files[path]

@@ -76,10 +76,7 @@ def _find_places(
     site: Site,
     draw: np.random.Generator,
 ) -> Iterator[tuple[float, Float64Array]]:
-    """Find free places, in random order: distance along the side, and point (2,).
-
-    `taken` may grow meanwhile.
-    """
+    """Find free places in random order: distance along, and point (2,); `taken` may grow."""
     stations = draw.permutation(np.arange(shape.half_m[1], side.length_m, _STEP_M))
     ends = np.minimum(side.start_m + stations, side.street.stations[-1] - side.start_m - stations)
     stations = stations[ends > (SIGHT_CLEARANCE_M if shape.blocks_sight else shape.half_m[1])]

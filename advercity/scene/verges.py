@@ -230,10 +230,7 @@ def _build_grass(
 def _build_tufts(
     feet: Float64Array, height_m: Float64Array, spread_m: float, draw: np.random.Generator
 ) -> TriangleSurface:
-    """Build blades up to a distance around points (n, 3), away from which they bend.
-
-    Their normals are upward.
-    """
+    """Build blades with upward normals up to a distance around points (n, 3), bending away."""
     count = len(feet) * BLADES_PER_TUFT
     # Blade by blade over all tufts: every fourth or sixteenth is then of as many tufts.
     foot, height = np.tile(feet, (BLADES_PER_TUFT, 1)), np.tile(height_m, BLADES_PER_TUFT)
