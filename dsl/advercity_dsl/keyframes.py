@@ -43,7 +43,7 @@ def interpolate_track(name: str, track: Track, time_s: float) -> Any:
 
     Visibilities (`mor_m`) are interpolated by their reciprocals, to which extinction is
     proportional, so `None` is a reciprocal of 0; directions (`from_deg`) turn the shorter way; all
-    other numbers are linear. Other values change at once.
+    other numbers are linear. Values other than numbers change at once.
     """
     later = next((index for index, (at_s, _) in enumerate(track) if at_s > time_s), len(track))
     if later in (0, len(track)):

@@ -42,7 +42,7 @@ class Radar(Sampled):
     elevation_cell_deg: Annotated[Degrees, Field(ge=0.1, le=30)] = 2
     """Vertical cell."""
     rays: Annotated[Count, Field(ge=100, le=1_000_000)] = 60_000
-    """Rays over the field of view."""
+    """Number of rays over the field of view."""
     bounces: Annotated[Count, Field(ge=1, le=3)] = 3
     """Most surfaces hit by a ray, one after the other."""
     transmit_dbm: Annotated[DecibelMilliwatts, Field(ge=-20, le=40)] = 12

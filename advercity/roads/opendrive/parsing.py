@@ -42,7 +42,7 @@ MAX_VALUE = 1e12
 """Larger numbers are no lengths, and their cubes no numbers."""
 UNIT_M_S = {"m/s": 1.0, "": 1.0, "km/h": 1 / 3.6, "mph": 0.44704}
 UNLIMITED_M_S = 130 / 3.6
-"""Speed without a limit: the advised one on such motorways."""
+"""Speed on roads without a limit: the advised one on such motorways."""
 LIGHT_TYPES = frozenset(
     ["1000001", *(str(number) for number in range(1_000_007, 1_000_014)), "1000020"]
 )
