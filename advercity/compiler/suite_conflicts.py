@@ -178,6 +178,7 @@ def _solve_place(
                 key=key,
                 index=index,
                 not_before_s=not_before_s,
+                least_speed_share=density.least_speed_share,
             )
         except (UnsolvableError, InputError) as error:
             finding = Finding(("id",), str(error), "")

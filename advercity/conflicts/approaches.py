@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from advercity.conflicts.case import ActorPlacement, ConflictCase, UnsolvableError
 from advercity.conflicts.ego_motion import CROSSING_OFFSET_M, EgoDrive
 from advercity.conflicts.opposite_lane import (
+    compute_drift_limit_m_s,
     find_overtaking_station,
     find_straightest_station,
     place_opposite,
@@ -222,22 +223,29 @@ def place_in_lane(case: ConflictCase) -> ActorPlacement:
 
 
 def fit_actor_speed(case: ConflictCase) -> ConflictCase:
-    """Draw the speed of an actor that stops short from what the road leaves of its range.
+    """Draw the speed of an actor that stops short or drifts from what the road leaves of its range.
 
-    It can reach that speed and stop again, and brakes within the declared time to collision.
+    One that stops short can reach that speed and stop again, and brakes within the declared time to
+    collision. One that drifts keeps to the limit of the street where it meets the ego.
     """
-    if case.conflict.actor.behaviour != "stops_short":
-        return case
-    _, high_km_h = compute_bounds(case.conflict.parameters.actor_speed_km_h.draw)
+    behaviour = case.conflict.actor.behaviour
+    low_km_h, high_km_h = compute_bounds(case.conflict.parameters.actor_speed_km_h.draw)
     fastest = case.with_actor_speed(high_km_h)
     place = place_actor(fastest)
-    latest_s = case.conflict.outcome.time_to_collision_below_s
-    limit = min(
-        compute_actor_speed_m_s(fastest, place),
-        2 * case.parameters["braking_m_s2"] * latest_s,
-        compute_timely_speed_m_s(case, place) if place.route else np.inf,
-    )
-    return case.redraw_actor_speed(limit * KM_H_PER_M_S)
+    if behaviour == "stops_short":
+        limit = min(
+            compute_actor_speed_m_s(fastest, place),
+            2 * case.parameters["braking_m_s2"] * case.conflict.outcome.time_to_collision_below_s,
+            compute_timely_speed_m_s(case, place) if place.route else np.inf,
+        )
+    elif behaviour == "drifts":
+        limit = compute_drift_limit_m_s(case, place.station_m)
+        limit = max(limit, low_km_h / KM_H_PER_M_S)
+    else:
+        return case
+    share = case.least_speed_share if place.route else 0.0
+    highest_km_h = limit * KM_H_PER_M_S
+    return case.redraw_actor_speed(share * min(highest_km_h, high_km_h), highest_km_h)
 
 
 def place_along_edge(case: ConflictCase) -> ActorPlacement:

@@ -151,6 +151,7 @@ class ConflictCase:
         resolved_by: Who resolves the conflict.
         parameters: The conflict's drawn parameters by name; the name ends with the unit.
         not_before_s: Time from the scenario's start before which nothing critical happens.
+        least_speed_share: From the density.
         meets_at_m: Station of the meeting on the ego's path, once its speed there is drawn.
     """
 
@@ -163,6 +164,7 @@ class ConflictCase:
     resolved_by: Resolver
     parameters: Mapping[str, float]
     not_before_s: float
+    least_speed_share: float = 0.0
     meets_at_m: float | None = None
 
     @property
@@ -180,18 +182,17 @@ class ConflictCase:
         """Return the case with another speed of the actor."""
         return replace(self, parameters={**self.parameters, "actor_speed_km_h": speed_km_h})
 
-    def redraw_actor_speed(self, at_most_km_h: float) -> "ConflictCase":
-        """Return the case with a speed of the actor from its declared range below a limit."""
-        return self.with_actor_speed(self._draw_speed("actor_speed_km_h", at_most=at_most_km_h))
+    def redraw_actor_speed(self, at_least_km_h: float, at_most_km_h: float) -> "ConflictCase":
+        """Return the case with a speed of the actor from its declared range between two limits."""
+        return self.with_actor_speed(
+            self._draw_speed("actor_speed_km_h", at_least_km_h, at_most_km_h)
+        )
 
     def draw_ego_speed(
         self, station_m: float, at_least_km_h: float, at_most_km_h: float
     ) -> "ConflictCase":
         """Return the case with a speed of the ego before a station, between two limits."""
-        speed_km_h = self._draw_speed("ego_speed_km_h", at_most=at_most_km_h)
-        if speed_km_h < at_least_km_h:
-            limits = {"at_least": at_least_km_h, "at_most": at_most_km_h}
-            speed_km_h = self._draw_speed("ego_speed_km_h", "again", **limits)
+        speed_km_h = self._draw_speed("ego_speed_km_h", at_least_km_h, at_most_km_h)
         return replace(
             self,
             drive=self.drive.limit_speed(station_m, speed_km_h / KM_H_PER_M_S),
@@ -199,11 +200,14 @@ class ConflictCase:
             meets_at_m=station_m,
         )
 
-    def _draw_speed(self, name: str, *key: str, **limits: float) -> float:
+    def _draw_speed(self, name: str, at_least_km_h: float, at_most_km_h: float) -> float:
         draw = getattr(self.conflict.parameters, name).draw
-        return _round_significant(
-            _draw_value(draw, self.sampler.seed, self.sampler.key, name, *key, **limits)
-        )
+        key = (self.sampler.seed, self.sampler.key, name)
+        speed_km_h = _draw_value(draw, *key, at_most=at_most_km_h)
+        if speed_km_h < at_least_km_h:
+            limits = {"at_least": at_least_km_h, "at_most": at_most_km_h}
+            speed_km_h = _draw_value(draw, *key, "again", **limits)
+        return _round_significant(speed_km_h)
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,14 +29,16 @@ def fit_ego_speed(case: ConflictCase, place: ActorPlacement) -> ConflictCase:
     _, high_km_h = compute_bounds(case.conflict.parameters.ego_speed_km_h.draw)
     free_km_h = case.drive.motion.find_top_speed_m_s(place.station_m) * KM_H_PER_M_S
     lowest_km_h = compute_lowest_speed_m_s(case, place) * KM_H_PER_M_S
-    if lowest_km_h > min(high_km_h, free_km_h):
+    highest_km_h = min(high_km_h, free_km_h)
+    if lowest_km_h > highest_km_h:
         if case.conflict.resolved_by.actor == 0:
             raise UnsolvableError(
-                f"the ego drives at most {min(high_km_h, free_km_h):.1f} km/h there, too slow to"
+                f"the ego drives at most {highest_km_h:.1f} km/h there, too slow to"
                 " brake within the declared time to collision; let the actor resolve it"
                 " (resolved_by: {actor: 1})"
             )
         case, lowest_km_h = replace(case, resolved_by="actor"), 0.0
+    lowest_km_h = max(lowest_km_h, case.least_speed_share * highest_km_h)
     return case.draw_ego_speed(place.station_m, lowest_km_h, free_km_h)
 
 

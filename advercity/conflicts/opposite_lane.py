@@ -15,10 +15,13 @@ from advercity.conflicts.run_ups import (
     find_last_free_station,
 )
 from advercity.conflicts.trajectories import DRIFT_HOLD_S, DRIFT_RETURN_MARGIN_S
+from advercity.roads.bend_speed import BEND_STEP_M, compute_bend_speeds
 from advercity.roads.routes import RoutePath
 
 MEETING_FRACTIONS = (0.25, 0.62)
 """Fractions of the ego's drive between which it meets an oncoming actor."""
+APPROACH_S = 4.0
+"""Time before the meeting in which the actor's speed counts."""
 STREET_END_MARGIN_M = 8.0
 """Minimum distance of a start from either end of a street."""
 
@@ -33,6 +36,17 @@ def place_opposite(case: ConflictCase, station_m: float) -> ActorPlacement:
         meeting_m = back.find_nearest_station(case.drive.path.point_at(station_m))
         run_m = meeting_m - find_free_station(case, back, meeting_m - run_m)
     return place_oncoming(case.drive, station_m, run_m)
+
+
+def compute_drift_limit_m_s(case: ConflictCase, station_m: float) -> float:
+    """Compute the highest speed of an actor that drifts: the ego's own, and slower in bends.
+
+    It comes to the station from ahead of the ego.
+    """
+    top_m_s, path = case.drive.road.ego.max_speed_km_h / KM_H_PER_M_S, case.drive.path.line
+    ahead_m = min(station_m + top_m_s * APPROACH_S, path.length_m)
+    driven = path.points_at(np.arange(station_m, ahead_m, BEND_STEP_M))[:, :2]
+    return min(top_m_s, float(compute_bend_speeds(driven).min(initial=np.inf)))
 
 
 def place_oncoming(drive: EgoDrive, station_m: float, run_m: float) -> ActorPlacement:

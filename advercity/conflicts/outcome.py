@@ -124,7 +124,7 @@ def _evaluate_outcome(
         ego = ego.roll_on(lane, AFTER_IMPACT_S, tick_s)
         actor = actor.roll_on(actor_path, AFTER_IMPACT_S, tick_s)
     point = _find_meeting_point(conflict, ego, actor_path.line)
-    ego_at_s = _find_ego_arrival_s(spec, conflict, encounter, ego, point, tick_s)
+    ego_at_s = _find_ego_arrival_s(spec, conflict, encounter, ego, point, lane, tick_s)
     lag_s = _find_actor_arrival_s(conflict, ego, actor, point, ego_at_s, tick_s) - ego_at_s
     missed = tuple(_find_deviations(conflict, encounter, resolution, lag_s))
     parameters = measure_parameters(
@@ -277,12 +277,13 @@ def _find_ego_arrival_s(
     encounter: Encounter,
     ego: ActorTrack,
     point_m: NDArray[np.float64],
+    lane: StationedPolyline,
     tick_s: float,
 ) -> float:
     """Find when the ego is at a point, or would be had it not braked for the actor.
 
     SUMO's speeds are those of its front axle, which turns on a wider curve than its centre, so the
-    path that is left is the axle's.
+    path that is left is the axle's; its lane where it steers aside.
     """
     place = spec.ego.place
     last = find_undisturbed_row(encounter, ego, tick_s)
@@ -290,7 +291,8 @@ def _find_ego_arrival_s(
         return ego.find_passing_tick(point_m) * tick_s
     axles = ego.centres + WHEELBASE_FRACTION / 2 * ego.size[0] * ego.axes[:, 0]
     row = ego.find_nearest_row(point_m)
-    path = StationedPolyline.from_points(drop_repeated_points(axles))
+    is_aside = conflict.actors[0].behaviour == "drifts"
+    path = lane if is_aside else StationedPolyline.from_points(drop_repeated_points(axles))
     begin_m, _ = path.project_point(axles[last])
     end_m, _ = path.project_point(axles[row] + point_m - ego.centres[row])
     left_s = compute_free_drive_s(

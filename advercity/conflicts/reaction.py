@@ -1,8 +1,8 @@
 """How the ego reacts to a staged actor: when it perceives it, how it brakes, when it drives on.
 
 Like the actor, it brakes as late as its deceleration permits on a dry road. It brakes later where
-it sees the actor too late for that, and no harder than the friction permits. It steers aside for an
-actor that drifts into its lane.
+it sees the actor too late for that, and no harder than the friction permits. It brakes and steers
+aside for an actor that drifts into its lane.
 """
 
 from dataclasses import dataclass, field
@@ -46,6 +46,8 @@ MIN_SHIFT_M = 0.4
 """Least distance by which a driver moves aside for a vehicle that comes over the centre line."""
 STEERING_TIME_S = 2.0
 """Time that the ego takes to move aside if it has it, and to return to its lane."""
+BRAKING_SHARE = 0.7
+"""Greatest fraction of the grip that a driver who steers brakes with."""
 HOLD_ASIDE_S = 0.8
 """Time after the passing for which it stays aside."""
 
@@ -55,8 +57,7 @@ class EgoReaction:
     """What the ego does about a staged actor.
 
     Attributes:
-        speed_commands_m_s: Speed (ticks,) of the ego; NaN leaves it to SUMO's driver. Empty for one
-            that steers.
+        speed_commands_m_s: Speed (ticks,) of the ego; NaN leaves it to SUMO's driver.
         crossing: Where and when it would have met an actor that it brakes for.
         offsets_m: Offsets (ticks,) to the left of its lane; empty for one that brakes.
         hidden_by: Ids of actors that hid the other until it was too late to brake.
@@ -138,17 +139,32 @@ def _plan_steering(
     gap_m = apart_m.min() - (ego.size[1] + actor.size[1]) / 2
     shift_m = max(PASSING_GAP_M - gap_m, MIN_SHIFT_M)
     begin_s = max(over_s, seen_s) + REACTION_TIME_S
-    shortest_s = np.sqrt(QUINTIC_PEAK_ACCELERATION * shift_m / (conditions.friction * GRAVITY_M_S2))
+    times_s = ego.rows["tick"] * trace.tick_s
+    grip_m_s2 = conditions.friction * GRAVITY_M_S2
+    braking_m_s2 = min(conflict.parameters.get("ego_braking_m_s2", 0.0), grip_m_s2 * BRAKING_SHARE)
+    lateral_m_s2 = np.sqrt(grip_m_s2**2 - braking_m_s2**2)
+    shortest_s = np.sqrt(QUINTIC_PEAK_ACCELERATION * shift_m / lateral_m_s2)
     steers_s = float(np.clip(passing_s - HOLD_ASIDE_S / 2 - begin_s, shortest_s, STEERING_TIME_S))
     offsets = compute_lateral_offsets(
-        trace.tick_s * np.arange(len(trace), dtype=np.float64),
+        trace.tick_s * np.arange(spec.timing.max_ticks + 1),
         shift_m=-shift_m,
         out_s=steers_s,
         hold_s=max(passing_s + HOLD_ASIDE_S - begin_s - steers_s, 0.0),
         return_s=STEERING_TIME_S,
         end_s=max(passing_s + HOLD_ASIDE_S, begin_s + steers_s) + STEERING_TIME_S,
     )
-    return EgoReaction(offsets_m=offsets)
+    braking = (times_s > begin_s) & (times_s <= passing_s) & (braking_m_s2 > 0)
+    own, first = ego.rows["speed"], int(np.argmax(braking))
+    slowed = np.minimum(own, own[first] - braking_m_s2 * (times_s - times_s[first]))
+    return EgoReaction(
+        speed_commands_m_s=_build_commands(ego, np.where(braking, np.maximum(slowed, 0.0), np.nan)),
+        offsets_m=offsets,
+    )
+
+
+def _build_commands(ego: ActorTrack, speeds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Build commands (ticks,) from speeds at the ego's rows; NaN leaves it to SUMO's driver."""
+    return np.concatenate([np.full(int(ego.rows["tick"][0]), np.nan), speeds, [np.nan]])
 
 
 def _plan_braking(
@@ -268,7 +284,7 @@ def compute_braking_speeds(
     after_s = tick_s * np.arange(1, len(speeds) - first + 1)
     speeds[first:] = np.maximum(speeds[first] - deceleration * after_s, 0.0)
     speeds[:first] = np.nan
-    return np.concatenate([np.full(int(ego.rows["tick"][0]), np.nan), speeds, [np.nan]])
+    return _build_commands(ego, speeds)
 
 
 def _find_halt_s(actor: ActorTrack, from_s: float, until_s: float, tick_s: float) -> float:

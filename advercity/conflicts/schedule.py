@@ -9,7 +9,7 @@ from advercity_dsl import Spec, StagedActor, StagedConflict
 from numpy.typing import NDArray
 
 from advercity.conflicts.metrics import ActorTrack
-from advercity.conflicts.reaction import needs_plan
+from advercity.conflicts.reaction import EgoReaction, needs_plan
 from advercity.conflicts.trajectories import (
     DRIFT_HOLD_S,
     DRIFT_RETURN_MARGIN_S,
@@ -51,6 +51,7 @@ class ActorSchedule:
             last value holds on; None for an actor that SUMO does not simulate.
         trigger_s: Time at which the actor sets out or meets the ego.
         go_s: Time from which it is left to SUMO again.
+        offsets_m: Offsets (ticks,) to the left of its lane; None for an actor that keeps to it.
         track: `FRONT_DTYPE` rows in place of what SUMO records; None keeps those.
         crossing: Where and when the actor meets the ego, if their paths cross.
         is_untriggered: Whether the actor only waits, because the ego did not pass.
@@ -59,6 +60,7 @@ class ActorSchedule:
     speed_commands_m_s: NDArray[np.float64] | None = None
     trigger_s: float = 0.0
     go_s: float = 0.0
+    offsets_m: NDArray[np.float64] | None = None
     track: NDArray[np.void] | None = None
     crossing: PathCrossing | None = None
     is_untriggered: bool = False
@@ -68,7 +70,7 @@ def schedule_actors(
     spec: Spec,
     dry_run: DryRun,
     previous: Mapping[int, ActorSchedule],
-    crossings: Mapping[str, PathCrossing],
+    reactions: Mapping[str, EgoReaction],
 ) -> dict[int, ActorSchedule]:
     """Schedule every staged actor for the next run.
 
@@ -76,10 +78,10 @@ def schedule_actors(
         spec: The scenario.
         dry_run: The last run.
         previous: Schedules that it was driven with; empty before the first one.
-        crossings: Where and when the ego met actors before it reacted to them, by conflict.
+        reactions: The ego's reactions in it, by conflict; actors come as if it did not react.
     """
     ego = ActorTrack.from_trace(dry_run.trace, spec.ego.number)
-    scheduler = _Scheduler(spec, dry_run, ego, previous, crossings)
+    scheduler = _Scheduler(spec, dry_run, ego, previous, reactions)
     return {
         actor.number: scheduler.schedule(conflict, actor)
         for conflict in spec.conflicts
@@ -93,7 +95,7 @@ class _Scheduler:
     dry_run: DryRun
     ego: ActorTrack
     previous: Mapping[int, ActorSchedule]
-    crossings: Mapping[str, PathCrossing]
+    reactions: Mapping[str, EgoReaction]
 
     @property
     def tick_s(self) -> float:
@@ -129,9 +131,10 @@ class _Scheduler:
         if crossing is None:
             track = self._build_track(path, np.zeros(self.tick_count), actor, conflict)
             return ActorSchedule(track=track, is_untriggered=True)
-        if conflict.id in self.crossings:
+        reaction = self.reactions.get(conflict.id)
+        if reaction is not None and reaction.crossing is not None:
             # The actor comes as if the ego did not react, and goes on after the ego as it does.
-            crossing = replace(self.crossings[conflict.id], clear_s=crossing.clear_s)
+            crossing = replace(reaction.crossing, clear_s=crossing.clear_s)
         stations, go_s = compute_stop_stations(
             crossing,
             actor,
@@ -154,7 +157,7 @@ class _Scheduler:
     def _gives_way(self, conflict: StagedConflict) -> bool:
         """Return whether an actor stops short of the ego; the last runs say so for collisions."""
         if needs_plan(conflict) and conflict.resolved_by == "nobody":
-            return conflict.id not in self.crossings
+            return conflict.id not in self.reactions
         return conflict.resolved_by in ("actor", "both")
 
     def _schedule_evasion(self, conflict: StagedConflict, actor: StagedActor) -> ActorSchedule:
@@ -171,6 +174,11 @@ class _Scheduler:
         if actor.number not in self.previous:
             return ActorSchedule(speed_commands_m_s=np.array([actor.speed_m_s]))
         tick_s, parameters = self.tick_s, conflict.parameters
+        track, length_m = self.dry_run.fronts[actor.number], self._get_size(actor)[0]
+        before = self.previous[actor.number]
+        if conflict.id in self.reactions and before.offsets_m is not None:
+            shifted = shift_laterally(track, before.offsets_m[track["tick"]], length_m, tick_s)
+            return replace(before, track=shifted)
         other = ActorTrack.from_trace(self.dry_run.trace, actor.number)
         ego_s = self.ego.find_passing_tick(conflict.point_m) * tick_s
         actor_s = other.find_passing_tick(conflict.point_m) * tick_s
@@ -178,7 +186,6 @@ class _Scheduler:
         tick, apart_m = find_closest_approach(self.ego, other)
         at = np.array([tick])
         closing = float((self.ego.at_ticks(at).rows["speed"] + other.at_ticks(at).rows["speed"])[0])
-        track = self.dry_run.fronts[actor.number]
         passing_s = (self.ego.size[0] + other.size[0]) / 2 / closing
         end_s, hold_s = (
             tick * tick_s - passing_s - DRIFT_RETURN_MARGIN_S,
@@ -189,7 +196,7 @@ class _Scheduler:
             stays_s = 2 * (passing_s + DRIFT_RETURN_MARGIN_S) + parameters["return_time_s"]
             end_s, hold_s = end_s + stays_s, hold_s + stays_s
         offsets = compute_lateral_offsets(
-            track["tick"] * tick_s,
+            tick_s * np.arange(self.spec.timing.max_ticks + 1),
             shift_m=parameters["encroachment_m"] + apart_m / 2 - other.size[1] / 2,
             out_s=parameters["drift_time_s"],
             hold_s=hold_s,
@@ -199,7 +206,8 @@ class _Scheduler:
         return ActorSchedule(
             speed_commands_m_s=_build_speed_commands(actor, wait_s, tick * tick_s, tick_s),
             trigger_s=wait_s,
-            track=shift_laterally(track, offsets, other.size[0], tick_s),
+            offsets_m=offsets,
+            track=shift_laterally(track, offsets[track["tick"]], length_m, tick_s),
         )
 
     def _compute_hold_s(self, conflict: StagedConflict) -> float:

@@ -185,15 +185,16 @@ def solve_conflict(
     key: str,
     index: int,
     not_before_s: float,
+    least_speed_share: float = 0.0,
 ) -> tuple[StagedConflict, EgoDrive]:
     """Place all participants of a conflict, with their speeds and the expected time.
 
     In its drive the ego, whose blueprint is `ego`, makes the conflict's manoeuvre; `typology` is an
     id. All draws depend on `seed` and `key` (road, conflict and density, so that all weathers share
     them). `index` is the number among the scenario's conflicts, from 1; nothing critical happens
-    before `not_before_s` from the scenario's start. The returned drive has its speed limited where
-    it meets the actor, and the lights of its road are timed for the ego, or for an actor that runs
-    them, in the first of the conflicts.
+    before `not_before_s` from the scenario's start. `least_speed_share` is the density's. The
+    returned drive has its speed limited where it meets the actor, and the lights of its road are
+    timed for the ego, or for an actor that runs them, in the first of the conflicts.
 
     Raises:
         UnsolvableError: The conflict does not fit the road.
@@ -209,6 +210,7 @@ def solve_conflict(
         resolved_by=sampler.draw_resolver(conflict.resolved_by),
         parameters=sample_parameters(conflict.parameters, seed, key),
         not_before_s=not_before_s,
+        least_speed_share=least_speed_share,
     )
     place = place_actor(case)
     lights = find_run_lights(case, place) if index == 1 else None

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from advercity_dsl.base import Declaration, InvalidCombination, Items, Model, is_none
+from advercity_dsl.base import Declaration, InvalidCombination, Items, Model, is_empty, is_none
 from advercity_dsl.typology import Evidence
 from advercity_dsl.units import (
     Flag,
@@ -47,6 +47,9 @@ class Density(Declaration):
     """Factor on the road's `traffic.walkers`."""
     speed_limits_km_h: SpeedLimits | None = Field(default=None, exclude_if=is_none)
     """Limits of all streets and connected vehicles in place of the road's own."""
+    least_speed_share: Fraction = Field(default=0.0, exclude_if=is_empty)
+    """Least speed of the ego and of an actor in lanes before they meet, as a fraction of the
+    highest that the road and the conflict permit."""
 
 
 FrictionCoefficient = Annotated[

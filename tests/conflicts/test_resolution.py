@@ -180,6 +180,22 @@ def test_who_resolves_a_conflict_brakes_and_nobody_else_does(
 
 
 @pytest.mark.sumo
+@pytest.mark.parametrize("name", ["rsnj_clear_day_sparse", "rcnj_clear_day_sparse"])
+def test_an_ego_that_is_met_head_on_brakes_as_well_as_steers(
+    name: str, specs: dict[str, Spec], simulate: Callable[[Spec], Trace]
+):
+    spec = specs[name]
+    (outcome,) = build_traffic_report(spec, simulate(spec), "").staged
+
+    declared = spec.conflicts[0].parameters["ego_braking_m_s2"]
+    assert outcome.resolution.ego_braking_m_s2 == pytest.approx(declared, rel=0.15)
+    assert outcome.resolution.ego_aside_m is not None
+    assert outcome.resolution.ego_aside_m > 0.3
+    # It would have been on time, had it driven on.
+    assert (outcome.missed, outcome.outside) == ((), ())
+
+
+@pytest.mark.sumo
 def test_a_conflict_that_nobody_resolves_ends_in_a_collision(
     specs: dict[str, Spec], simulate: Callable[[Spec], Trace]
 ):

@@ -88,6 +88,30 @@ def test_drifting_actors_start_clear_of_connected_vehicles(free_flow: dict[str, 
                 assert gap_m > 2.5, (spec.id, agent.id)  # SUMO's at standstill
 
 
+def test_free_flow_meets_conflicts_with_three_quarters_of_the_speed_that_is_left(
+    free_flow: dict[str, Spec],
+):
+    """On the straight country road head-on as Euro NCAP tests it, with 100 to 140 km/h and more."""
+    speeds = {
+        (spec.road.id, one.conflict, spec.provenance.repeat): (
+            one.parameters["ego_speed_km_h"],
+            one.parameters["actor_speed_km_h"],
+        )
+        for spec in free_flow.values()
+        for one in spec.conflicts
+    }
+
+    head_on = [sum(pair) for (road, name, _), pair in speeds.items() if road == "rsnj"]
+    assert len(head_on) == 3
+    assert all(0.75 * (80 + 70) <= closing <= 80 + 70 for closing in head_on)
+    # Of 25 km/h in a turn, and of the 49 km/h that the ego drives in town.
+    turns = [pair[0] for (_, name, _), pair in speeds.items() if "turn" in name]
+    assert min(turns) >= 18.75
+    assert max(turns) <= 25
+    straight = [pair[0] for (road, *_), pair in speeds.items() if road == "unj"]
+    assert min(straight) > 0.75 * 48.5
+
+
 def test_an_ego_that_starts_beyond_the_conflict_point_cannot_meet_the_actor(
     library: Path, specs: dict[str, Spec]
 ):
