@@ -16,6 +16,14 @@ def find_roadway(spec: Spec) -> BaseGeometry:
     return roadway
 
 
+def find_crossing_people(trace: Trace, roadway: BaseGeometry) -> set[int]:
+    """Find the ids of people who set foot on a roadway, from `find_roadway`, at any tick."""
+    on_foot = np.array([actor.actor_class == "pedestrian" for actor in trace.actors], dtype=bool)
+    rows = trace.states[on_foot[trace.states["actor"]]]
+    rows = rows[shapely.contains_xy(roadway, rows["x"], rows["y"])]
+    return {trace.actors[index].id for index in np.unique(rows["actor"])}
+
+
 def measure_crossing_share(spec: Spec, trace: Trace, roadway: BaseGeometry) -> float | None:
     """Measure the fraction of the background pedestrians who set foot on a roadway.
 
@@ -28,11 +36,5 @@ def measure_crossing_share(spec: Spec, trace: Trace, roadway: BaseGeometry) -> f
         The fraction; None without background pedestrians.
     """
     staged = {actor.number for conflict in spec.conflicts for actor in conflict.actors}
-    background = np.array(
-        [actor.actor_class == "pedestrian" and actor.id not in staged for actor in trace.actors]
-    )
-    if not background.any():
-        return None
-    rows = trace.states[background[trace.states["actor"]]]
-    on_it = shapely.contains_xy(roadway, rows["x"], rows["y"])
-    return len(np.unique(rows["actor"][on_it])) / int(background.sum())
+    people = {actor.id for actor in trace.actors if actor.actor_class == "pedestrian"} - staged
+    return len(people & find_crossing_people(trace, roadway)) / len(people) if people else None

@@ -146,7 +146,7 @@ def _plan_steering(
     shortest_s = np.sqrt(QUINTIC_PEAK_ACCELERATION * shift_m / lateral_m_s2)
     steers_s = float(np.clip(passing_s - HOLD_ASIDE_S / 2 - begin_s, shortest_s, STEERING_TIME_S))
     offsets = compute_lateral_offsets(
-        trace.tick_s * np.arange(spec.timing.max_ticks + 1),
+        trace.tick_s * np.arange(spec.timing.max_ticks + 1, dtype=np.float64),
         shift_m=-shift_m,
         out_s=steers_s,
         hold_s=max(passing_s + HOLD_ASIDE_S - begin_s - steers_s, 0.0),

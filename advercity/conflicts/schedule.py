@@ -196,7 +196,7 @@ class _Scheduler:
             stays_s = 2 * (passing_s + DRIFT_RETURN_MARGIN_S) + parameters["return_time_s"]
             end_s, hold_s = end_s + stays_s, hold_s + stays_s
         offsets = compute_lateral_offsets(
-            tick_s * np.arange(self.spec.timing.max_ticks + 1),
+            tick_s * np.arange(self.spec.timing.max_ticks + 1, dtype=np.float64),
             shift_m=parameters["encroachment_m"] + apart_m / 2 - other.size[1] / 2,
             out_s=parameters["drift_time_s"],
             hold_s=hold_s,

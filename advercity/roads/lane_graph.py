@@ -1,7 +1,7 @@
 """Lanes of a SUMO network and how they connect, and shortest routes over them."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from heapq import heappop, heappush
 from operator import attrgetter
@@ -10,27 +10,57 @@ from pathlib import Path
 import numpy as np
 
 from advercity.errors import InputError
-from advercity.roads.network_file import LaneConnection, SumoLane, read_network
+from advercity.roads.network_file import (
+    LaneConnection,
+    SignalProgram,
+    SumoLane,
+    read_network,
+)
 
 MAX_LANE_DISTANCE_M = 3.5
 """Between a declared pose and the centre line of its lane; a lane's width."""
 
 
-@dataclass(frozen=True)
+LAST_START_S = 3.0
+"""Time of green that a pedestrian who sets foot on a crossing still needs."""
+
+
+@dataclass(frozen=True, eq=False)
 class StreetCrossing:
-    """A way from a sidewalk across a street to another one, at the sidewalk's end or its begin."""
+    """A way from a sidewalk over one crossing to another sidewalk.
+
+    Attributes:
+        sidewalk: Edge of the first sidewalk.
+        opposite: Edge of the other one.
+        at_end: Whether it leads over the end of the first sidewalk rather than its begin.
+        approach_m: Distance from there to the crossing.
+        signal: Program and index of the light that governs it; None without a light.
+    """
 
     sidewalk: str
     opposite: str
     at_end: bool
+    approach_m: float
+    signal: tuple[SignalProgram, int] | None
+
+    def find_green_s(self, from_s: float) -> float:
+        """Find the first time from which pedestrians have green for long enough to set out."""
+        if self.signal is None:
+            return from_s
+        program, link = self.signal
+        green_s = program.find_next_green_s(link, from_s)
+        last_s = green_s + LAST_START_S
+        next_s = program.find_next_green_s(link, last_s)
+        return green_s if next_s == last_s else next_s
 
 
 @dataclass(frozen=True, eq=False)
 class LaneGraph:
-    """All lanes of a network by id, in file order, and how they connect."""
+    """All lanes of a network by id, in file order, how they connect, and its lights by id."""
 
     lanes: Mapping[str, SumoLane]
     connections: tuple[LaneConnection, ...]
+    programs: Mapping[str, SignalProgram] = field(default_factory=dict[str, SignalProgram])
 
     @cached_property
     def driving_lanes(self) -> tuple[SumoLane, ...]:
@@ -122,46 +152,63 @@ class LaneGraph:
         # random draws pick by position, so the order must stay.
         return tuple({link.to_edge: self.lanes[link.target] for link in reversed(own)}.values())
 
-    def find_adjacent_sidewalks(self, *, use_crossings: bool) -> Mapping[str, tuple[str, ...]]:
-        """Find the next edges with a sidewalk of each sidewalk, with or without crossings."""
+    @cached_property
+    def _footsteps(self) -> Mapping[str, list[LaneConnection]]:
+        """Connections onto and off walking areas and crossings, by the lane before."""
         footways = [link for link in self.connections if self._is_footway_connection(link)]
         # SUMO lists a footway once, but pedestrians walk in both directions.
         back = [replace(link, origin=link.target, target=link.origin) for link in footways]
-        steps = _group(footways + back, attrgetter("origin"))
-        find = self._find_reachable_sidewalks
+        return _group(footways + back, attrgetter("origin"))
+
+    @cached_property
+    def adjacent_sidewalks(self) -> Mapping[str, tuple[str, ...]]:
+        """Next edges with a sidewalk of each sidewalk, without a crossing between."""
         return {
-            edge: tuple(sorted(find(lane.id, steps, crossing=use_crossings) - {edge}))
+            edge: tuple(sorted(self._find_reachable_sidewalks(lane.id) - {edge}))
             for edge, lane in self.sidewalks.items()
         }
 
     @cached_property
     def street_crossings(self) -> tuple[StreetCrossing, ...]:
-        """Ways from each sidewalk across a street to another."""
-        along, across = (self.find_adjacent_sidewalks(use_crossings=use) for use in (False, True))
-        return tuple(
-            self._locate_crossing(edge, other)
-            for edge in sorted(across)
-            for other in across[edge]
-            if other not in along[edge]
-        )
+        """Ways from each sidewalk over one crossing to another."""
+        adjacent = self.adjacent_sidewalks
+        found = {
+            (edge, other): crossing
+            for edge in sorted(self.sidewalks)
+            for area in self._list_steps(self.sidewalks[edge].id, "walkingarea")
+            for crossing in self._list_steps(area.id, "crossing")
+            for beyond in self._list_steps(crossing.id, "walkingarea")
+            for other in sorted(self._find_reachable_sidewalks(beyond.id))
+            if other not in (edge, *adjacent[edge])
+        }
+        return tuple(self._locate_crossing(*edges, found[edges]) for edges in sorted(found))
 
-    def _locate_crossing(self, edge: str, opposite: str) -> StreetCrossing:
-        own, other = (self.sidewalks[name].shape[[0, -1], :2] for name in (edge, opposite))
-        begin_m, end_m = np.linalg.norm(own[:, None] - other, axis=2).min(axis=1)
-        return StreetCrossing(edge, opposite, at_end=bool(end_m < begin_m))
+    def _list_steps(self, lane: str, function: str) -> list[SumoLane]:
+        lanes = (self.lanes[link.target] for link in self._footsteps.get(lane, ()))
+        return [lane for lane in lanes if lane.function == function]
+
+    def _locate_crossing(self, edge: str, opposite: str, crossing: SumoLane) -> StreetCrossing:
+        own, middle = self.sidewalks[edge].shape[[0, -1], :2], crossing.shape[[0, -1], :2]
+        begin_m, end_m = np.linalg.norm(own[:, None] - middle, axis=2).min(axis=1).tolist()
+        signals = (
+            (self.programs[link.traffic_light], link.link_index)
+            for link in self.connections
+            if link.target == crossing.id and link.traffic_light
+        )
+        return StreetCrossing(
+            edge, opposite, end_m < begin_m, min(begin_m, end_m), next(signals, None)
+        )
 
     def _is_footway_connection(self, link: LaneConnection) -> bool:
         ends = (self.lanes[link.origin], self.lanes[link.target])
         return any(lane.function in ("walkingarea", "crossing") for lane in ends)
 
-    def _find_reachable_sidewalks(
-        self, start: str, steps: Mapping[str, list[LaneConnection]], *, crossing: bool
-    ) -> set[str]:
+    def _find_reachable_sidewalks(self, start: str) -> set[str]:
         seen, todo, found = {start}, [start], set[str]()
         while todo:
-            for link in steps.get(todo.pop(), ()):
+            for link in self._footsteps.get(todo.pop(), ()):
                 lane = self.lanes[link.target]
-                if lane.id in seen or (lane.function == "crossing" and not crossing):
+                if lane.id in seen or lane.function == "crossing":
                     continue
                 seen.add(lane.id)
                 if lane.is_sidewalk and lane is self.sidewalks[lane.edge]:
@@ -186,7 +233,8 @@ def read_lane_graph(path: Path) -> LaneGraph:
         for lane in edge.lanes
     }
     known = (link for link in network.connections if {link.origin, link.target} <= lanes.keys())
-    return LaneGraph(lanes, tuple(known))
+    programs = {program.light: program for program in network.programs}
+    return LaneGraph(lanes, tuple(known), programs)
 
 
 def _group(

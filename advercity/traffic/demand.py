@@ -25,6 +25,7 @@ from advercity.roads.lane_graph import (
 from advercity.roads.network_file import SumoLane
 from advercity.roads.streets import approach_name
 from advercity.traffic.blueprint_fractions import draw_by_fraction
+from advercity.traffic.driving_styles import MEDIAN_STYLE, DrivingStyle, draw_driving_style
 from advercity.traffic.paints import CONNECTED_PAINT, draw_paint
 from advercity.traffic.pedestrians import PedestrianTrip, draw_pedestrian_trips
 from advercity.traffic.placement import (
@@ -62,6 +63,7 @@ class VehicleTrip:
         acceleration_limits_m_s2: Maximum acceleration and braking; None takes its class's.
         waits_s: Time for which it waits at its start.
         speed_zones: Stretches with a speed limit of its own, measured from its start.
+        style: How its driver differs from others.
         trailer: Semi-trailer that it tows; SUMO's vehicle is both.
         trailer_heading_rad: Heading of the semi-trailer at the start.
     """
@@ -77,6 +79,7 @@ class VehicleTrip:
     acceleration_limits_m_s2: tuple[float, float] | None = None
     waits_s: float = 0.0
     speed_zones: tuple[SpeedZone, ...] = ()
+    style: DrivingStyle = MEDIAN_STYLE
     trailer: TowedTrailer | None = None
     trailer_heading_rad: float = 0.0
 
@@ -130,8 +133,7 @@ def draw_demand(
     spec: Spec,
     graph: LaneGraph,
     redraws: Mapping[int, int] | None = None,
-    *,
-    crossing_share: float | None = None,
+    crossing_redraws: Mapping[int, int] | None = None,
 ) -> TrafficDemand:
     """Draw the demand of a scenario, a pure function of its traffic seed, road and numbers.
 
@@ -141,7 +143,7 @@ def draw_demand(
         spec: The scenario.
         graph: Lanes of the road.
         redraws: Number of draws to pass over, by id of a background actor that blocked another.
-        crossing_share: Fraction of the people who set out to cross; None is the declared one.
+        crossing_redraws: Number of crossings to pass over, by id of a person who got across none.
 
     Raises:
         InputError: A start, route or blueprint does not exist, or the road has no room for all.
@@ -168,7 +170,7 @@ def draw_demand(
             graph,
             max(spec.demand.walkers - on_foot, 0),
             redraws,
-            crossing_share=crossing_share,
+            crossing_redraws or {},
         ),
         scripted=tuple(_build_staged_actor(item, spec) for item in staged if not item.route),
     )
@@ -354,6 +356,7 @@ def _draw_trip(
         start_speed_m_s=0.0 if start else min(ENTRY_SPEED_M_S, factor * lane.speed_limit_m_s / 2),
         speed_factor=factor,
         top_speed_m_s=slow if actor.actor_class == "bicycle" else MAX_BACKGROUND_SPEED_M_S,
+        style=draw_driving_style(spec.seeds.traffic, actor.id),
     )
 
 

@@ -6,7 +6,8 @@ the ego are drawn again. A run that needs no change is the result.
 """
 
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from advercity.conflicts.clearance import (
     find_blockers,
     find_first_contact,
 )
-from advercity.conflicts.crossing_people import find_roadway, measure_crossing_share
+from advercity.conflicts.crossing_people import find_crossing_people, find_roadway
 from advercity.conflicts.outcome import evaluate_outcomes
 from advercity.conflicts.reaction import (
     EgoReaction,
@@ -39,6 +40,7 @@ from advercity.traffic.demand import (
     draw_demand,
     let_others_drive_on,
 )
+from advercity.traffic.pedestrians import FIRST_BACKGROUND_WALKER
 from advercity.traffic.route_file import write_route_file
 from advercity.traffic.speed_profile import list_route_lanes
 from advercity.traffic.sumo_recording import SumoRecording, build_trace
@@ -54,10 +56,8 @@ DELAYED = {"ego_speed_km_h", "since_red_s"}
 """Parameters that are outside their range where others hold the ego up."""
 DISTURBED = {"ego_speed_km_h", "arrival_offset_s"}
 """Parameters that are outside their range where others hold the ego or the actor up."""
-MAX_CROSSING_RUNS = 3
-"""Dry runs in which more people set out to cross, if too few of them get to do so."""
-CROSSING_GAIN = 1.2
-"""Ratio of the shares of people who set out in two of these runs: more at once crowd the kerbs."""
+MAX_CROSSING_RUNS = 4
+"""First dry runs, after which people who did not get across a street try another one."""
 MAX_DELAY_REDRAWS = 10
 """In dense traffic there may always be another that holds it up."""
 
@@ -97,9 +97,10 @@ class _DryRuns:
         self._history: list[PastDryRun] = []
         self._blockers: set[int] = set()
         self._reactions: dict[str, EgoReaction] = {}
+        self._is_reaction_old = False
         self._delay_redraws = 0
-        self._crossing_share = spec.demand.crossing_share
-        self._crossing_runs = MAX_CROSSING_RUNS if self._crossing_share else 0
+        self._crossing_redraws = Counter[int]()
+        self._crossing_runs = MAX_CROSSING_RUNS
         self._ends_with_ego = False
 
     def run_next(self) -> Trace | None:
@@ -109,7 +110,7 @@ class _DryRuns:
             StagingError: Nothing that could be changed would help.
         """
         spec, previous = self._spec, self._schedules
-        demand = draw_demand(spec, self._graph, self._redraws, crossing_share=self._crossing_share)
+        demand = draw_demand(spec, self._graph, self._redraws, self._crossing_redraws)
         if self._ends_with_ego:
             demand = let_others_drive_on(spec, demand, self._graph)
         recording = record_traffic(
@@ -128,14 +129,9 @@ class _DryRuns:
                 trip.actor.id: _build_trip_path(trip, self._graph) for trip in demand.staged
             },
         )
-        if self._send_more_across(demand, recording):
+        if self._redraw_crossings(demand, recording):
             return None
-        crossings = {
-            name: reaction.crossing
-            for name, reaction in self._reactions.items()
-            if reaction.crossing is not None
-        }
-        self._schedules = schedule_actors(spec, dry_run, previous, crossings)
+        self._schedules = schedule_actors(spec, dry_run, previous, self._reactions)
         trace = dry_run.trace
         if self._has_untriggered and self._wait_for_ego(recording):
             return None
@@ -143,19 +139,20 @@ class _DryRuns:
             return None
         return self._check_result(demand, recording)
 
-    def _send_more_across(self, demand: TrafficDemand, recording: SumoRecording) -> bool:
-        """Send more people across; False if as many do as declared, or no more can."""
-        if self._crossing_runs == 0:
+    def _redraw_crossings(self, demand: TrafficDemand, recording: SumoRecording) -> bool:
+        """Send people who did not get across a street to another; False if all did, or too late.
+
+        Lights may stay red, and kerbs are crowded.
+        """
+        waiting = {trip.actor.id for trip in demand.walkers if trip.crosses}
+        if self._crossing_runs == 0 or not waiting:
             return False
         self._crossing_runs -= 1
-        spec, declared = self._spec, self._spec.demand.crossing_share
+        spec = self._spec
         trace = build_trace(spec, demand, recording, first_tick=spec.timing.warm_up_ticks + 1)
-        share = measure_crossing_share(spec, trace, find_roadway(spec))
-        if share is None or share >= declared or self._crossing_share >= 1.0:
-            self._crossing_runs = 0
-            return False
-        self._crossing_share *= CROSSING_GAIN
-        return True
+        waiting -= find_crossing_people(trace, find_roadway(spec))
+        self._crossing_redraws.update(waiting)
+        return bool(waiting)
 
     @property
     def _has_untriggered(self) -> bool:
@@ -166,7 +163,7 @@ class _DryRuns:
         if self._ends_with_ego or recording.arrived <= {self._spec.ego.number}:
             return False
         self._ends_with_ego = True
-        self._reactions.clear()
+        self._forget_reactions()
         self._history.clear()
         self.reason = "another connected vehicle arrives before the ego has met its actors"
         return True
@@ -225,7 +222,11 @@ class _DryRuns:
         elif self._redraw_delaying_actors(demand, trace) or self._plan_reaction(demand, recording):
             return None
         else:
-            self._blockers = _find_disturbing_actors(spec, trace, demand)
+            missed = _list_missed_actors(spec, trace)
+            if missed and self._is_reaction_old:
+                self._forget_reactions()
+                return None
+            self._blockers = _find_disturbing_actors(spec, trace, demand, missed)
             if not self._blockers:
                 return trace
             self.reason = "a background actor disturbs a staged conflict; take other seeds.traffic"
@@ -291,9 +292,16 @@ class _DryRuns:
                 recording = recording.with_tracks({ego.number: steered})
         return recording
 
-    def _redraw(self, numbers: set[int]) -> None:
-        # What the ego reacted to may come at another time now.
+    def _forget_reactions(self) -> None:
         self._reactions.clear()
+        self._is_reaction_old = False
+
+    def _redraw(self, numbers: set[int]) -> None:
+        # Actors that the ego reacts to may come at another time after vehicles have changed.
+        if all(number >= FIRST_BACKGROUND_WALKER for number in numbers):
+            self._is_reaction_old = True
+        else:
+            self._forget_reactions()
         for number in numbers:
             self._redraws[number] = self._redraws.get(number, 0) + 1
 
@@ -333,16 +341,22 @@ def format_blockages(spec: Spec, blockages: Iterable[Blockage]) -> str:
     )
 
 
-def _find_disturbing_actors(spec: Spec, trace: Trace, demand: TrafficDemand) -> set[int]:
-    """Find background actors that hold the ego up, if a conflict did not happen as declared.
-
-    If nothing holds the ego up, they are those that hold the conflict's actor up.
-    """
-    missed = [
+def _list_missed_actors(spec: Spec, trace: Trace) -> list[int]:
+    """List the actors of conflicts that did not happen as declared."""
+    return [
         item.actor
         for item in evaluate_outcomes(spec, trace)
         if not item.happened or DISTURBED & {*item.outside}
     ]
+
+
+def _find_disturbing_actors(
+    spec: Spec, trace: Trace, demand: TrafficDemand, missed: Sequence[int]
+) -> set[int]:
+    """Find background actors that hold the ego up where it missed conflicts with actors.
+
+    If none holds the ego up, they are those that hold the conflict's actor up.
+    """
     if not missed:
         return set()
     blockers = {number for actor in missed for number in find_blockers(spec, trace, actor)}

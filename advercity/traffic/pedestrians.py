@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from advercity_dsl import Blueprint, Spec
-from numpy.typing import NDArray
 
 from advercity.frames import Actor
 from advercity.randomness import create_generator
@@ -23,12 +22,15 @@ FIRST_BACKGROUND_WALKER = 5001
 MIN_WALKING_SPEED_M_S, MAX_WALKING_SPEED_M_S = 1.0, 2.0
 MIN_LEG_M = 5.0
 END_CLEARANCE_M = 0.5
-MAX_CROSSING_DRAWS = 2
+MAX_CROSSING_DRAWS = 7
 """A person who still is in the way after that many draws does not cross."""
 CROSSING_WINDOW_S = 8.0
 """People who cross a street come to it within this time from the begin of the recording."""
 
-AdjacentSidewalks = Mapping[str, tuple[str, ...]]
+MAX_GREEN_WAIT_S = 14.0
+"""They take a crossing that has green within this time, if there is one."""
+GREEN_SPREAD_S = 6.0
+"""People who find a crossing red come to it within this time from the begin of its green."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,8 @@ class PedestrianTrip:
     legs: tuple[WalkLeg, ...]
     speed_m_s: float
     depart_s: float = 0.0
+    crosses: bool = False
+    """Whether it first crosses a street."""
 
 
 def draw_pedestrian_trips(
@@ -56,20 +60,19 @@ def draw_pedestrian_trips(
     graph: LaneGraph,
     count: int,
     redraws: Mapping[int, int],
-    *,
-    crossing_share: float | None = None,
+    crossing_redraws: Mapping[int, int],
 ) -> tuple[PedestrianTrip, ...]:
     """Draw the trips of people on foot.
 
-    Those who cross a street start so near to it that they can be there soon after the recording
-    begins.
+    The declared fraction of them first crosses a street. They start so near to it that they can be
+    there soon after the recording begins.
 
     Args:
         spec: The scenario.
         graph: Lanes of the road.
         count: Number of people; fewer are drawn if the sidewalks are full.
         redraws: Number of draws to pass over, by id of a person.
-        crossing_share: Fraction of the people who set out to cross; None is the declared one.
+        crossing_redraws: Number of crossings to pass over, by id of a person.
     """
     starts = list(
         iterate_start_positions(
@@ -82,72 +85,85 @@ def draw_pedestrian_trips(
     }
     if not people:
         return ()
-    adjacent = {
-        crossing: graph.find_adjacent_sidewalks(use_crossings=crossing)
-        for crossing in (False, True)
-    }
     trips = [
-        _draw_trip(spec, graph, adjacent, people, number, redraws.get(number, 0), starts, start)
+        _draw_trip(spec, graph, people, number, redraws.get(number, 0), starts, start)
         for number, start in enumerate(starts[:count], FIRST_BACKGROUND_WALKER)
     ]
-    share = spec.demand.crossing_share if crossing_share is None else crossing_share
-    kerbs = _KerbPlaces(spec, graph)
+    crossing = _draw_crossing_people(spec, trips)
+    places = _find_crossings(spec, graph)
     return tuple(
-        kerbs.send_across(trip, adjacent[True], redraws.get(trip.actor.id, 0))
-        if redraws.get(trip.actor.id, 0) < MAX_CROSSING_DRAWS
-        and _draw_inclination(spec, trip) < share
+        _send_across(
+            spec,
+            graph,
+            places,
+            trip,
+            redraws.get(trip.actor.id, 0),
+            crossing_redraws.get(trip.actor.id, 0),
+        )
+        if places
+        and trip.actor.id in crossing
+        and redraws.get(trip.actor.id, 0) < MAX_CROSSING_DRAWS
         else trip
         for trip in trips
     )
 
 
-def _draw_inclination(spec: Spec, trip: PedestrianTrip) -> float:
-    """Draw the share from which on a person is one of those who cross."""
-    return float(create_generator(spec.seeds.traffic, "crossing", trip.actor.id).random())
+def _draw_crossing_people(spec: Spec, trips: Sequence[PedestrianTrip]) -> set[int]:
+    numbers = [trip.actor.id for trip in trips]
+    create_generator(spec.seeds.traffic, "crossing").shuffle(numbers)
+    return set(numbers[: round(spec.demand.crossing_share * len(numbers))])
 
 
-class _KerbPlaces:
-    """Places from which people come to the crossings of a site; each is taken once."""
+def _find_crossings(spec: Spec, graph: LaneGraph) -> list[StreetCrossing]:
+    """Find the crossings of the areas in which people start."""
+    areas = compute_start_areas(spec)
+    ends = (
+        graph.sidewalks[item.sidewalk].shape[[-1 if item.at_end else 0], :2]
+        for item in graph.street_crossings
+    )
+    return [
+        item
+        for item, end in zip(graph.street_crossings, ends, strict=True)
+        if any(area.contains(end).any() for area in areas)
+    ]
 
-    def __init__(self, spec: Spec, graph: LaneGraph) -> None:
-        self._spec, self._graph = spec, graph
-        areas = compute_start_areas(spec)
-        self._crossings = [
-            item
-            for item in graph.street_crossings
-            if any(area.contains(self._locate_end(item)).any() for area in areas)
-        ]
-        self._taken = set[tuple[str, float]]()
 
-    def _locate_end(self, crossing: StreetCrossing) -> NDArray[np.float64]:
-        return self._graph.sidewalks[crossing.sidewalk].shape[[-1 if crossing.at_end else 0], :2]
-
-    def send_across(
-        self, trip: PedestrianTrip, adjacent: AdjacentSidewalks, redraws: int
-    ) -> PedestrianTrip:
-        """Return the trip of a person who first crosses a street; as it is where none can be."""
-        timing = self._spec.timing
-        draw = create_generator(self._spec.seeds.traffic, "crosses", trip.actor.id, redraws)
-        for at in draw.permutation(len(self._crossings)).tolist():
-            crossing = self._crossings[at]
-            after_s = timing.warm_up_ticks * timing.tick_s + draw.uniform(0, CROSSING_WINDOW_S)
-            length_m = self._graph.sidewalks[crossing.sidewalk].length_m
-            before_m = min(float(round(trip.speed_m_s * after_s)), length_m - END_CLEARANCE_M)
-            start_m = length_m - before_m if crossing.at_end else before_m
-            if (crossing.sidewalk, start_m) not in self._taken:
-                self._taken.add((crossing.sidewalk, start_m))
-                far_m = self._graph.sidewalks[crossing.opposite].length_m / 2
-                way_m = trip.speed_m_s * timing.max_ticks * timing.tick_s
-                onward = _draw_legs(self._graph, adjacent, crossing.opposite, far_m, way_m, draw)
-                first = WalkLeg((crossing.sidewalk, crossing.opposite), far_m)
-                return replace(trip, edge=crossing.sidewalk, start_m=start_m, legs=(first, *onward))
-        return trip
+def _send_across(
+    spec: Spec,
+    graph: LaneGraph,
+    crossings: Sequence[StreetCrossing],
+    trip: PedestrianTrip,
+    *redraws: int,
+) -> PedestrianTrip:
+    """Return the trip of a person who first crosses a street where that has green soon."""
+    timing = spec.timing
+    draw = create_generator(spec.seeds.traffic, "crosses", trip.actor.id, *redraws)
+    begin_s = timing.warm_up_ticks * timing.tick_s
+    at_s = begin_s + float(draw.uniform(0, CROSSING_WINDOW_S))
+    later_s = float(draw.uniform(0, GREEN_SPREAD_S))
+    order = draw.permutation(len(crossings)).tolist()
+    waits_s = [max(crossings[at].find_green_s(at_s) - at_s, MAX_GREEN_WAIT_S) for at in order]
+    crossing = crossings[order[int(np.argmin(waits_s))]]
+    green_s = crossing.find_green_s(at_s)
+    crosses_s = at_s if green_s == at_s else crossing.find_green_s(green_s + later_s)
+    length_m = graph.sidewalks[crossing.sidewalk].length_m
+    way_m = trip.speed_m_s * crosses_s - crossing.approach_m
+    before_m = min(max(way_m, END_CLEARANCE_M), length_m - END_CLEARANCE_M)
+    far_m = graph.sidewalks[crossing.opposite].length_m / 2
+    onward_m = trip.speed_m_s * timing.max_ticks * timing.tick_s
+    first = WalkLeg((crossing.sidewalk, crossing.opposite), far_m)
+    return replace(
+        trip,
+        edge=crossing.sidewalk,
+        start_m=length_m - before_m if crossing.at_end else before_m,
+        legs=(first, *_draw_legs(graph, crossing.opposite, far_m, onward_m, draw)),
+        crosses=True,
+    )
 
 
 def _draw_trip(
     spec: Spec,
     graph: LaneGraph,
-    adjacent: Mapping[bool, AdjacentSidewalks],
     people: Mapping[str, Blueprint],
     number: int,
     redraws: int,
@@ -167,27 +183,26 @@ def _draw_trip(
         actor=Actor.from_blueprint(number, name, spec.blueprints[name], paint),
         edge=lane.edge,
         start_m=start_m,
-        legs=tuple(_draw_legs(graph, adjacent[False], lane.edge, start_m, distance, draw)),
+        legs=tuple(_draw_legs(graph, lane.edge, start_m, distance, draw)),
         speed_m_s=speed,
     )
 
 
 def _draw_legs(
     graph: LaneGraph,
-    adjacent: AdjacentSidewalks,
     edge: str,
     position_m: float,
     distance_m: float,
     draw: np.random.Generator,
 ) -> Iterator[WalkLeg]:
     """Draw legs to random destinations until they add up to a distance."""
-    names = sorted(_find_shortest_chains(adjacent, edge))
+    names = sorted(_find_shortest_chains(graph.adjacent_sidewalks, edge))
     lengths = np.array([graph.sidewalks[name].length_m for name in names])
     while distance_m > 0:
         target = names[draw.choice(len(names), p=lengths / lengths.sum())]
         room = graph.sidewalks[target].length_m - 2 * END_CLEARANCE_M
         end = END_CLEARANCE_M + float(draw.uniform(0, max(room, 0.0)))
-        edges = _find_shortest_chains(adjacent, edge)[target]
+        edges = _find_shortest_chains(graph.adjacent_sidewalks, edge)[target]
         if target == edge and abs(end - position_m) < min(MIN_LEG_M, room / 4):
             continue  # hardly a walk: draw another destination
         yield WalkLeg(edges, end)
@@ -196,7 +211,9 @@ def _draw_legs(
         edge, position_m = target, end
 
 
-def _find_shortest_chains(adjacent: AdjacentSidewalks, start: str) -> dict[str, tuple[str, ...]]:
+def _find_shortest_chains(
+    adjacent: Mapping[str, tuple[str, ...]], start: str
+) -> dict[str, tuple[str, ...]]:
     """Find the shortest chain of sidewalks from one to each that it is connected with."""
     chains: dict[str, tuple[str, ...]] = {start: (start,)}
     queue = [start]

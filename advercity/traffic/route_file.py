@@ -12,12 +12,16 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 from advercity_dsl import ActorClass, DriverResponse
 
 from advercity.traffic.demand import TrafficDemand, VehicleTrip
+from advercity.traffic.driving_styles import MEDIAN_STYLE
 from advercity.traffic.pedestrians import PedestrianTrip
 
 
 @dataclass(frozen=True)
 class CarFollowing:
-    """How a class of vehicle drives: Krauss' car-following model without dawdling.
+    """How a class of vehicle drives: Krauss' car-following model.
+
+    Each driver has ratios of its own to these values. SUMO's own dawdling depends on all others in
+    a lane, so the drivers' changes of speed are commanded (`DrivingStyle.sway_at`).
 
     Attributes:
         sumo_class: SUMO's vehicle class.
@@ -53,6 +57,8 @@ LATERAL_SPEED_FRACTION = 0.2
 """Maximum lateral speed of a vehicle as a fraction of its speed."""
 UNLIMITED_SPEED_FACTOR = 10.0
 """Speed factor of a vehicle that only its own top speed limits."""
+WALKING_GAP_M = 0.8
+"""Gap to the person ahead, so that bodies that step aside touch no others."""
 STOP_LENGTH_M = 1.0
 """Length of the part of a lane on which a vehicle that waits at its start is."""
 
@@ -86,7 +92,20 @@ def write_route_file(
 
 def find_driving(trip: VehicleTrip, *, is_connected: bool = False) -> CarFollowing:
     """Find how a vehicle drives in clear weather."""
-    return CONNECTED_CAR_FOLLOWING if is_connected else CAR_FOLLOWING[trip.actor.actor_class]
+    if is_connected:
+        return CONNECTED_CAR_FOLLOWING
+    usual, style = CAR_FOLLOWING[trip.actor.actor_class], trip.style
+    if style is MEDIAN_STYLE:
+        return usual
+    return replace(
+        usual,
+        acceleration_m_s2=style.acceleration_ratio * usual.acceleration_m_s2,
+        deceleration_m_s2=style.braking_ratio * usual.deceleration_m_s2,
+        # In an emergency all brake alike, as hard as the road permits.
+        max_emergency_braking_m_s2=usual.deceleration_m_s2 + EMERGENCY_EXTRA_M_S2,
+        headway_s=style.headway_ratio * usual.headway_s,
+        standing_gap_m=style.gap_ratio * usual.standing_gap_m,
+    )
 
 
 def apply_driver_response(driving: CarFollowing, caution: DriverResponse | None) -> CarFollowing:
@@ -134,7 +153,7 @@ def _add_vehicle_type(root: Element, trip: VehicleTrip, driving: CarFollowing) -
         minGap=driving.standing_gap_m,
         maxSpeed=trip.top_speed_m_s,
         speedFactor=factor,
-        # No chance: dry runs rely on a second run doing the same.
+        # No chance: dry runs rely on a second run doing the same, whatever others do.
         speedDev=0,
         sigma=0,
         latAlignment=driving.alignment,
@@ -182,7 +201,7 @@ def _add_pedestrian_type(root: Element, trip: PedestrianTrip) -> None:
         length=length,
         width=width,
         height=height,
-        minGap=0.25,
+        minGap=WALKING_GAP_M,
         maxSpeed=trip.speed_m_s,
         speedFactor=1,
         speedDev=0,

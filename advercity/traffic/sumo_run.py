@@ -22,6 +22,8 @@ from advercity.traffic.sumo_observation import ActorLog, SignalLog
 from advercity.traffic.sumo_recording import SumoRecording
 
 LATERAL_RESOLUTION_M = 0.8
+STRIPE_WIDTH_M = 0.9
+"""Width of the stripes in which people walk: the widest have a pram or a dog with them."""
 # Bits of SUMO's speed mode. Default obeys everything. A commanded vehicle still minds its leader,
 # but neither lights nor right of way; one that passes a cyclist in the other lane does not mind
 # its leader either, since SUMO keeps both in one lane.
@@ -83,6 +85,7 @@ def _build_options(spec: Spec, network: Path, routes: Path, log: Path) -> list[s
         "time-to-teleport": -1,
         "collision.action": "warn",
         "pedestrian.striping.dawdling": 0,
+        "pedestrian.striping.stripe-width": STRIPE_WIDTH_M,
         "no-step-log": "true",
         "no-warnings": "true",
     }
@@ -130,6 +133,7 @@ class _SumoRun:
             for trip in demand.trips
             for name in (str(trip.actor.id),)
         }
+        self._swaying = {str(trip.actor.id): trip for trip in demand.vehicles}
         self._graph = graph
         warm_up, tick_s = spec.timing.warm_up_ticks, spec.timing.tick_s
         self._responses = {
@@ -162,6 +166,7 @@ class _SumoRun:
             self._actors.record_pedestrians(tick, libsumo.person.getIDList())
             self._signals.record()
             self._apply_speed_limits(vehicles, speeds)
+            self._sway_speeds(vehicles, tick)
             self._ignore_followers(vehicles)
         return SumoRecording(
             tracks=self._actors.build_fronts(self._spec.timing.tick_s),
@@ -216,8 +221,8 @@ class _SumoRun:
                 domain.setDecel(name, limits.deceleration_m_s2)
                 domain.setEmergencyDecel(name, limits.max_emergency_braking_m_s2)
                 domain.setTau(name, limits.headway_s)
-                if slowed.speed_factor is not None:
-                    domain.setSpeedFactor(name, slowed.speed_factor)
+            if name in self._swaying:
+                self._swaying[name] = slowed
             profile = SpeedProfile.from_trip(trip, self._graph, response.usual_m_s2)
             self._limiters[name].change(profile, slowed.top_speed_m_s)
 
@@ -249,6 +254,14 @@ class _SumoRun:
                     f"SUMO finds no room for vehicle {trip.actor.id} on lane"
                     f" {trip.edges[0]}_{trip.lane} at {trip.front_position_m:.1f} m"
                 )
+
+    def _sway_speeds(self, vehicles: Sequence[str], tick: int) -> None:
+        """Let drivers want to be a little faster or slower at each moment."""
+        for name in vehicles:
+            trip = self._swaying.get(name)
+            if trip is not None and trip.speed_factor is not None:
+                sway = trip.style.sway_at(tick * self._spec.timing.tick_s)
+                libsumo.vehicle.setSpeedFactor(name, trip.speed_factor * sway)
 
     def _apply_speed_limits(self, vehicles: Sequence[str], speeds: Sequence[float]) -> None:
         tick_s = self._spec.timing.tick_s

@@ -101,7 +101,7 @@ def test_free_flow_meets_conflicts_with_three_quarters_of_the_speed_that_is_left
         for one in spec.conflicts
     }
 
-    head_on = [sum(pair) for (road, name, _), pair in speeds.items() if road == "rsnj"]
+    head_on = [sum(pair) for (road, *_), pair in speeds.items() if road == "rsnj"]
     assert len(head_on) == 3
     assert all(0.75 * (80 + 70) <= closing <= 80 + 70 for closing in head_on)
     # Of 25 km/h in a turn, and of the 49 km/h that the ego drives in town.

@@ -1,12 +1,14 @@
 """Lanes of a SUMO network, and who may use them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from advercity.errors import InputError, RunError
-from advercity.roads.lane_graph import LaneGraph, read_lane_graph
+from advercity.roads.lane_graph import LaneGraph, StreetCrossing, read_lane_graph
+from advercity.roads.network_file import SignalProgram
 from tests.bend_network import NETWORK
 
 
@@ -32,9 +34,19 @@ def test_a_pose_finds_the_lane_that_leads_its_way(graph: LaneGraph):
 
 
 def test_crossings_are_walked_only_where_that_is_allowed(graph: LaneGraph):
-    assert graph.find_adjacent_sidewalks(use_crossings=False)["west"] == ("back",)
-    assert graph.find_adjacent_sidewalks(use_crossings=True)["west"] == ("back", "path")
-    assert graph.find_adjacent_sidewalks(use_crossings=True)["path"] == ("back", "west")
+    assert graph.adjacent_sidewalks["west"] == ("back",)
+    ways = {(way.sidewalk, way.opposite) for way in graph.street_crossings}
+    assert ways == {("west", "path"), ("path", "west"), ("back", "path"), ("path", "back")}
+
+
+def test_people_set_out_at_green_that_lasts_long_enough():
+    """Green from 10 to 20 s of every 30 s; a crossing without a light is free at once."""
+    program = SignalProgram("j", 0.0, ((10.0, "Gr"), (10.0, "rG"), (10.0, "rr")))
+    way = StreetCrossing("west", "path", at_end=True, approach_m=2.0, signal=(program, 1))
+
+    found = {at: way.find_green_s(at) for at in (0.0, 12.5, 16.9, 17.1, 25.0)}
+    assert found == {0.0: 10, 12.5: 12.5, 16.9: 16.9, 17.1: 40, 25.0: 40}
+    assert replace(way, signal=None).find_green_s(25.0) == 25.0
 
 
 def test_a_street_without_a_sidewalk_joins_no_sidewalks(tmp_path: Path) -> None:
@@ -49,6 +61,6 @@ def test_a_street_without_a_sidewalk_joins_no_sidewalks(tmp_path: Path) -> None:
 <connection from=":k_w0" to="far" fromLane="0" toLane="0" dir="s"/>
 </net>"""
     (tmp_path / "net.xml").write_text(NETWORK.replace("</net>", more))
-    reached = read_lane_graph(tmp_path / "net.xml").find_adjacent_sidewalks(use_crossings=True)
-    assert reached["path"] == ("back", "west")
-    assert reached["far"] == ()
+    graph = read_lane_graph(tmp_path / "net.xml")
+    assert graph.adjacent_sidewalks["far"] == ()
+    assert "far" not in {way.sidewalk for way in graph.street_crossings}
