@@ -13,6 +13,7 @@ from advercity.dataset.reader import FrameView, open_dataset
 from advercity.exports.exporting import export_dataset
 from advercity.exports.openlabel import list_weather_tags
 from advercity.physics.extinction import compute_extinction
+from advercity.pipeline import RunOptions, run_scenario
 from tests.exports.readers import needs_readers, run_reader
 from tests.exports.recorded_dataset import FIRST_FRAME, FRAMES
 from tests.exports.recorded_dataset import recorded_dataset as recorded_dataset  # a fixture
@@ -50,6 +51,26 @@ def test_a_box_is_where_it_is_by_hand(label: dict[str, Any]) -> None:
     numbers = {item["name"]: item["val"] for item in data["num"]}
     assert numbers["speed_m_s"] == pytest.approx(8.0, abs=0.02)
     assert {"cav1/lidar_points", "cav2/lidar_points"} <= numbers.keys()
+
+
+def test_intervals_end_where_a_frame_is_missing(
+    recorded_dataset: Path, tmp_path: Path, label: dict[str, Any]
+) -> None:
+    """Of the frames 10 to 12, the middle one is not made."""
+    assert label["frame_intervals"] == [{"frame_start": 10, "frame_end": 12}]
+    spec = open_dataset(recorded_dataset).scenarios[0].spec
+    for first in (FIRST_FRAME, FIRST_FRAME + 2):
+        frames = slice(first, first + 1)
+        options = RunOptions(
+            output=tmp_path / "data", backend="fake", profile="preview", scale=0.05, frames=frames
+        )
+        run_scenario(spec, options)
+
+    output = export_dataset("openlabel", tmp_path / "data", tmp_path / "out").output
+    gapped = json.loads((output / f"{NAME}.json").read_text())["openlabel"]
+
+    ends = [{"frame_start": 10, "frame_end": 10}, {"frame_start": 12, "frame_end": 12}]
+    assert gapped["frame_intervals"] == gapped["objects"]["1001"]["frame_intervals"] == ends
 
 
 def test_a_timestamp_is_seconds_as_text(label: dict[str, Any], frame: FrameView) -> None:

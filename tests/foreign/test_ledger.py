@@ -62,3 +62,10 @@ def test_a_default_namespace_makes_no_difference() -> None:
 
     assert [item.tag for item in root.iter()] == ["map", "road"]
     assert get_line(root[0]) == 2
+
+
+def test_a_document_of_more_bytes_than_are_read_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("advercity.foreign.xml_documents.MAX_XML_BYTES", 20)
+    assert parse_xml(b"<map>" + b" " * 9 + b"</map>").tag == "map"
+    with pytest.raises(InputError, match="has 21 bytes; at most 20 are read"):
+        parse_xml(b"<map>" + b" " * 10 + b"</map>")

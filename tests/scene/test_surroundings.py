@@ -491,6 +491,32 @@ def test_a_driveway_begins_at_the_edge_of_the_paving():
     np.testing.assert_allclose(high, (-43, 11.5, 0.015), atol=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("side_m", "height_m", "declared", "slope"),
+    [
+        (12, 7, {}, True),
+        (12, 7, {"roof": "flat"}, False),
+        (12, 12, {}, False),
+        (24, 7, {}, False),
+        (24, 12, {"use": "residential"}, False),
+        (24, 12, {"use": "residential", "roof": "hipped"}, True),
+        (24, 7, {"use": "commercial"}, False),
+    ],
+)
+def test_houses_have_pitched_roofs_and_larger_buildings_flat_ones(
+    side_m: int, height_m: float, declared: dict[str, str], slope: bool
+):
+    """Houses have less than 220 m2 and at most 9 m."""
+    corners = [(-50, 20), (-50 + side_m, 20), (-50 + side_m, 20 + side_m), (-50, 20 + side_m)]
+    outline = {"kind": "buildings", "line_m": corners, "height_m": height_m}
+    meshes = built(Surrounding.model_validate(outline | declared))
+    at = np.concatenate([mesh.vertices[mesh.triangles] for mesh in meshes]).astype(float)
+    normals = np.cross(at[:, 1] - at[:, 0], at[:, 2] - at[:, 0])
+    areas = np.linalg.norm(normals, axis=1)
+    rises = normals[:, 2] / np.maximum(areas, 1e-12)
+    assert bool(areas[(rises > 0.3) & (rises < 0.97)].sum() / 2 > 0.8 * side_m**2) is slope
+
+
 def test_nothing_grows_into_a_building():
     house = Surrounding(kind=SurroundingKind.HOUSES, area_m=((-6, 20), (6, 30)))
     forest = Surrounding(kind=SurroundingKind.TREES, area_m=((-30, 8), (30, 50)), spacing_m=4)

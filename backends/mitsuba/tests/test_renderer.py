@@ -248,6 +248,22 @@ def test_the_denoiser_leaves_lenses_as_they_are(backend: MitsubaBackend) -> None
     assert denoised[~shines].max() < 0.1 * traced.max()
 
 
+@pytest.mark.usefixtures("backend")
+@pytest.mark.parametrize("angle_deg", [0, 30, 60, 80])
+def test_a_pane_mirrors_by_both_faces(angle_deg: float) -> None:
+    """Two faces of index 1.52 whose light is reflected between them: 2 r / (1 + r) by Fresnel."""
+    from advercity_mitsuba.reflection import compute_pane_reflectance
+    from advercity_mitsuba.variant import mi
+
+    cosine = math.cos(math.radians(angle_deg))
+    inside = math.sqrt(1 - (math.sin(math.radians(angle_deg)) / 1.52) ** 2)
+    across = ((cosine - 1.52 * inside) / (cosine + 1.52 * inside)) ** 2
+    along = ((1.52 * cosine - inside) / (1.52 * cosine + inside)) ** 2
+    face = (across + along) / 2
+    found = compute_pane_reflectance(mi.Float(cosine))
+    assert np.array(found)[0] == pytest.approx(2 * face / (1 + face), rel=1e-4)
+
+
 def test_static_panes_are_seen_through_as_sapiens_are(backend: MitsubaBackend) -> None:
     shelter = build_box((8, 1, 1), (0.02, 3, 2), "glass", Semantic.STATIC)
     window = build_box((8, -3, 1), (0.02, 3, 2), "glass", Semantic.BUILDING)
