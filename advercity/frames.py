@@ -424,7 +424,7 @@ def _check_trace(trace: Trace) -> None:
 
 def _build_motion(row: NDArray[np.void]) -> BodyMotion:
     pitch, roll = row["pitch"], row["roll"]
-    # About the axes of the body before it is rolled.
+    # About the axes of the body, not yet rolled.
     level_rate, upright_rate = row["pitch_rate"], row["yaw_rate"] * np.cos(pitch)
     return BodyMotion(
         velocity=np.array([row["vx"], row["vy"], row["vz"]]),

@@ -230,7 +230,7 @@ MATERIALS: dict[str, Material] = {
         texture=Texture.ASPHALT,
         maps="asphalt",
     ),
-    # Patches of it: one laid lately, whose binder is still dark, and one bleached by many summers.
+    # Patches of asphalt: one laid lately, whose binder is still dark, and one bleached by the sun.
     "asphalt_new": Material(
         (0.068, 0.068, 0.072),
         0.14,

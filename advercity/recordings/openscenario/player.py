@@ -139,7 +139,7 @@ def _drive_on(mover: Mover, stage: Stage, step_s: float, speed_m_s: float) -> No
     moved = moved._replace(along=moved.along * sign)
     point, heading = roads.locate(moved)
     if distance_m:
-        # Of the way, which is as long as the distance, this part leads aside.
+        # This part of the way, which is as long as the distance, leads aside.
         aside = min(max(aside_m / distance_m, -MAX_ASIDE), MAX_ASIDE)
         heading += math.asin(aside)
     else:  # at rest it does not turn

@@ -144,7 +144,7 @@ def _compute_borders(road: Road, section: LaneSection, stations: Values) -> Valu
 
 
 def _compute_outer_edge(lane: Lane, inner_m: Values, along_m: Values, side: float) -> Values:
-    # Widths hold where a lane has both, as the standard has it.
+    # By the standard, widths hold if a lane has both.
     if lane.widths or not lane.borders:
         return inner_m + side * np.maximum(evaluate_profile(lane.widths, along_m), 0.0)
     # Borders are distances from the reference line; some maps write them without the side's sign.

@@ -119,7 +119,7 @@ def _parse_road(item: Element, lights: Collection[str]) -> Road:
     return Road(
         id=_text(item, "id"),
         name=item.get("name", ""),
-        # Beyond its geometry a road is nowhere.
+        # A road has no place beyond its geometry.
         length_m=min(length_m, max((it.begins_m + it.length_m for it in geometries), default=0.0)),
         junction=item.get("junction", "-1"),
         is_left_handed=rule == "LHT",
@@ -171,7 +171,7 @@ def _parse_speed(item: Element) -> float | None:
     if unit not in UNIT_M_S:
         raise _fault(item, f"unit '{unit[:20]}' is none of m/s, km/h and mph")
     speed_m_s = _number(item, "max") * UNIT_M_S[unit]
-    # Editors write 0 and -1 where no limit is known.
+    # Editors write 0 and -1 if no limit is known.
     return speed_m_s if speed_m_s > 0 else None
 
 

@@ -135,7 +135,7 @@ def fetch_hit(scene: Scene, crossing: Crossing, origin: Any, ray: Any, active: A
     first, second, third = _fetch_surface(tables, surface_row, active)
     painted = (mi.UInt32(second.w) & int(SurfaceFlag.PAINTED)) != 0
     paint = _fetch_surface(tables, own.z, active & painted)
-    # Of a painted part the mesh has the images alone.
+    # A painted part takes only its images from the mesh.
     albedo, second = dr.select(painted, paint[0], first), dr.select(painted, paint[1], second)
     kind, flags = mi.UInt32(second.y), mi.UInt32(second.w)
     face = dr.normalize(dr.cross(step1, step2))
