@@ -117,9 +117,9 @@ def choose_car_form(length_m: float, height_m: float) -> CarForm:
     return SPORTS if height_m < 1.42 and length_m < 4.9 else SALOON
 
 
-ROW_COUNT, COLUMN_COUNT = 11, 21
-"""Rows of the cage from the floor's edge to the centre of the roof; columns from nose to tail."""
-SILL, SHOULDER, BELT, RAIL, CENTRE = 1, 4, 6, 7, 10
+COLUMN_COUNT = 21
+"""Columns of the cage from nose to tail; its rows go from the floor's edge to the roof's centre."""
+SILL, SHOULDER, BELT, CENTRE = 1, 4, 6, 10
 """Rows of lower edge, shoulder, foot and top of the side windows, and the centre line."""
 COWL, HEADER, REAR_HEADER, REAR_FOOT = 7, 9, 13, 15
 """Columns of foot and top of the windscreen, and of top and foot of the rear window."""

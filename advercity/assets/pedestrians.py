@@ -14,6 +14,7 @@ from advercity.assets.attachments import (
     build_pram,
 )
 from advercity.assets.clothing import build_garments
+from advercity.assets.people.casting import CHILD_MAX_HEIGHT_M
 from advercity.assets.people.conversion import RiggedPerson, pose_shells
 from advercity.assets.people.shells import Shell
 from advercity.assets.rigged_bodies import (
@@ -51,7 +52,6 @@ from advercity.world import Body, Gait
 _STRIDE_LIMITS = 0.05, 0.90
 """Shortest and longest stride, in heights of the figure."""
 _TRIAL_STRIDES = 0.4, 0.8
-_CHILD_MAX_HEIGHT_M = 1.45
 _RIB_COUNT = 8
 _RADIUS_M, _RISE_M, _HEAD_CLEARANCE_M = 0.50, 0.17, 0.08
 _THICKNESS_M = 0.006
@@ -289,7 +289,7 @@ def draw_looks(blueprint_id: str, height_m: float) -> PedestrianAppearance:
     """Draw the looks of a blueprint without declared looks."""
     # Each field is one draw, in this order: another order would dress everyone anew.
     draw = create_generator("pedestrian", blueprint_id)
-    child = height_m < _CHILD_MAX_HEIGHT_M
+    child = height_m < CHILD_MAX_HEIGHT_M
     return PedestrianAppearance(
         stout=round(float(draw.uniform(0.9, 1.15)), 2),
         bottom=draw.choice(["trousers", "trousers", "shorts", "skirt"]),

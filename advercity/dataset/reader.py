@@ -236,7 +236,7 @@ class Scenario(Sequence[FrameView]):
         """
         stamps = self.load_stamps(agent)
         if sensor not in stamps or sensor in ("gnss", "imu", "can"):
-            raise InputError(f"{agent} has no camera, LiDAR or radar of the name '{sensor}'")
+            raise InputError(f"{agent} has no sensor '{sensor}' with a moment of its own")
         off = np.abs(np.atleast_1d(np.asarray(times_s, np.float64))[:, None] - stamps[sensor])
         return np.array(self._frame_numbers)[off.argmin(axis=1)]
 

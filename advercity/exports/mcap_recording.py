@@ -8,18 +8,16 @@ x right, y down, z along the view. Times count from the start of the scenario.
 """
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
-from advercity.dataset.agent_view import MAX_IMAGE_BYTES, AgentView, report_read_errors
+from advercity.dataset.agent_view import AgentView
 from advercity.dataset.formats import OPV2V
 from advercity.dataset.reader import Dataset, FrameView, Scenario
 from advercity.dataset.weather_truth import WeatherTruth
-from advercity.documents import read_bytes
 from advercity.errors import InputError
 from advercity.exports.mcap_foxglove import FoxgloveEncoder
 from advercity.exports.mcap_ros2 import Ros2Encoder
 from advercity.exports.mcap_values import PositionCovariance, Stamp
-from advercity.exports.pieces import Piece, PieceFiles, split_by_scenario
+from advercity.exports.pieces import Piece, PieceFiles, read_image_file, split_by_scenario
 from advercity.exports.registry import Options
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
@@ -79,7 +77,7 @@ def _write_frame(frame: FrameView, recording: Encoder, shown: dict[str, int]) ->
     for name, view in frame.views.items():
         recording.write_objects(f"/{name}/objects", Stamp(time_ns, WORLD), view.load_steady_boxes())
         for number, sensor, stamp in list_new(view, "camera", view.cameras):
-            image = _read_file(view.path(f"_camera{number}.png"))
+            image = read_image_file(view.path(f"_camera{number}.png"))
             recording.write_image(f"{sensor}/image", stamp, image)
             recording.write_calibration(f"{sensor}/calibration", stamp, view, number)
         for number, sensor, stamp in list_new(view, "lidar", view.lidars):
@@ -88,7 +86,7 @@ def _write_frame(frame: FrameView, recording: Encoder, shown: dict[str, int]) ->
             recording.write_points(f"{sensor}/detections", stamp, view.load_radar(number))
         for number, sensor, stamp in list_new(view, "thermal", view.thermals):
             path = view.path(f"_thermal{number}.png")
-            recording.write_image(f"{sensor}/image", stamp, _read_file(path))
+            recording.write_image(f"{sensor}/image", stamp, read_image_file(path))
         gnss, imu = view.motion
         if gnss is not None:
             covariance = PositionCovariance.of_fix(view.agent.sensors.gnss, gnss)
@@ -101,11 +99,6 @@ def _list_stamps(view: AgentView) -> Iterator[tuple[str, int]]:
     """List the sensors with rates of their own, by the names of their frames, and their times."""
     for sensor, time_s in view.stamps.items():
         yield f"{view.agent.id}/{sensor}", round(time_s * 1e9)
-
-
-def _read_file(path: Path) -> bytes:
-    with report_read_errors(path):
-        return read_bytes(path, max_bytes=MAX_IMAGE_BYTES)
 
 
 def _list_poses(view: AgentView) -> Iterator[tuple[str, Matrix]]:

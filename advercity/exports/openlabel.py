@@ -17,11 +17,10 @@ from advercity_dsl import Road, Weather
 from advercity_dsl.lens import KannalaBrandtLens
 
 from advercity.dataset.agent_view import AgentView
-from advercity.dataset.formats import OPV2V
 from advercity.dataset.reader import Dataset, FrameView, Scenario
-from advercity.errors import InputError
 from advercity.exports.pieces import Piece, PieceFiles, split_by_scenario
 from advercity.exports.registry import Options
+from advercity.exports.requirements import require_truth
 from advercity.geometry.poses import (
     OPTICAL_FROM_BODY,
     Matrix,
@@ -39,12 +38,7 @@ DECIMALS = 6
 
 def list_pieces(dataset: Dataset, options: Options) -> list[Piece]:
     """Make a piece of every scenario; InputError for a layout without 2-D boxes."""
-    for scenario in dataset.scenarios:
-        if scenario.format != OPV2V:
-            raise InputError(
-                f"{scenario.path}: has the layout {scenario.format.name}, without boxes in images"
-                f"; openlabel is exported from {OPV2V.name}"
-            )
+    require_truth(dataset, "openlabel")
     return split_by_scenario(dataset, _write_scenario)
 
 

@@ -73,9 +73,7 @@ class PieceFiles:
 
     def copy(self, source: Path, path: str) -> None:
         """Copy a file of the dataset; InputError if it is missing or cannot be read."""
-        with report_read_errors(source):
-            content = read_bytes(source, max_bytes=MAX_IMAGE_BYTES)
-        self.write(path, content)
+        self.write(path, read_image_file(source))
 
     @contextmanager
     def open(self, path: str) -> Generator[BinaryIO]:
@@ -105,6 +103,12 @@ class PieceFiles:
         target.parent.mkdir(parents=True, exist_ok=True)
         assert not target.exists(), f"{path} is written twice"
         return target
+
+
+def read_image_file(path: Path) -> bytes:
+    """Read an image of the dataset; InputError if it is missing or cannot be read."""
+    with report_read_errors(path):
+        return read_bytes(path, max_bytes=MAX_IMAGE_BYTES)
 
 
 @dataclass(frozen=True)

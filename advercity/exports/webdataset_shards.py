@@ -14,17 +14,15 @@ import io
 import json
 from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from advercity.dataset.agent_view import MAX_IMAGE_BYTES, AgentView, report_read_errors
+from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import Dataset, FrameView, Scenario
-from advercity.documents import read_bytes
 from advercity.exports.libraries import load_library
-from advercity.exports.pieces import Piece, PieceFiles, make_common_piece
+from advercity.exports.pieces import Piece, PieceFiles, make_common_piece, read_image_file
 from advercity.exports.registry import Options
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
@@ -88,12 +86,12 @@ def _encode_members(frame: FrameView, view: AgentView) -> Iterator[tuple[str, by
     for camera in range(view.cameras):
         for kind, member in IMAGE_MEMBERS.items():
             if view.has_truth(kind, camera):
-                yield f"{member}{camera}.png", _read(view.path(f"_{kind}{camera}.png"))
+                yield f"{member}{camera}.png", read_image_file(view.path(f"_{kind}{camera}.png"))
         if view.has_truth("instance", camera):
             path = view.path(f"_instance{camera}.png")
-            yield f"instance{camera}.png", _read(path)
+            yield f"instance{camera}.png", read_image_file(path)
     for thermal in range(view.thermals):
-        yield f"thermal{thermal}.png", _read(view.path(f"_thermal{thermal}.png"))
+        yield f"thermal{thermal}.png", read_image_file(view.path(f"_thermal{thermal}.png"))
     for lidar in range(view.lidars):
         cloud = view.load_cloud(lidar)
         yield f"lidar{lidar or ''}.npy", _encode_columns(cloud, "x", "y", "z", "intensity")
@@ -103,11 +101,6 @@ def _encode_members(frame: FrameView, view: AgentView) -> Iterator[tuple[str, by
         yield f"radar{radar}.npy", _encode_columns(found, *columns)
     yield "boxes.json", _encode_json(_describe_boxes(view))
     yield "calib.json", _encode_json(_describe_calibration(frame, view))
-
-
-def _read(path: Path) -> bytes:
-    with report_read_errors(path):
-        return read_bytes(path, max_bytes=MAX_IMAGE_BYTES)
 
 
 def _encode_columns(table: NDArray[np.void], *names: str) -> bytes:

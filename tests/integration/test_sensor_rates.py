@@ -176,7 +176,7 @@ def test_the_nearest_scan_is_found_by_time(dataset: Path) -> None:
     stamps = scenario.load_stamps("cav1")["lidar0"]
     (found,) = scenario.find_nearest("cav1", "lidar0", stamps[-1] + 0.01)
     assert stamps[found] == stamps[-1]
-    with pytest.raises(InputError, match="cav1 has no camera, LiDAR or radar of the name 'lidar7'"):
+    with pytest.raises(InputError, match="cav1 has no sensor 'lidar7' with"):
         scenario.find_nearest("cav1", "lidar7", 0)
 
 

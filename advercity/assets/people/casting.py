@@ -8,7 +8,7 @@ from advercity_dsl.catalogue import PersonShape
 
 from advercity.randomness import create_generator
 
-_CHILD_MAX_HEIGHT_M = 1.45
+CHILD_MAX_HEIGHT_M = 1.45
 _MEAN_ADULT_HEIGHT_M = 1.71
 _SKINS = {
     "african": ("dark", "dark", "brown"),
@@ -45,7 +45,7 @@ def _draw_shape(height_m: float, key: str, number: int) -> PersonShape:
     # Children grow by about 6 cm a year; adults of either sex differ by about 13 cm.
     age = (height_m - 0.77) / 0.06 + draw.uniform(-0.8, 0.8)
     male_odds = np.clip(0.5 + (height_m - _MEAN_ADULT_HEIGHT_M) / 0.26, 0.0, 1.0)
-    if height_m >= _CHILD_MAX_HEIGHT_M:
+    if height_m >= CHILD_MAX_HEIGHT_M:
         age = 16.0 + 64.0 * draw.random()
     else:
         male_odds = 0.5
@@ -62,7 +62,7 @@ def _draw_looks(
     person: PersonShape, declared: PedestrianAppearance, height_m: float, key: str, number: int
 ) -> PedestrianAppearance:
     draw = create_generator("person looks", key, number)
-    is_child = height_m < _CHILD_MAX_HEIGHT_M
+    is_child = height_m < CHILD_MAX_HEIGHT_M
     bottoms = ["trousers", "trousers", "trousers", "shorts" if is_child else "trousers"]
     is_old = person.age_years > _GREY_FROM_YEARS
     colours = ("grey",) if is_old else _HAIR_COLOURS[person.ancestry]
