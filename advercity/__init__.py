@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from advercity.run_options import RunOptions
     from advercity.sensors.camera import develop_raw
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = [
     "RunOptions",
     "RunResult",
