@@ -1,11 +1,11 @@
 """Velocities of the points that rays hit: bodies, their turning wheels and swinging limbs."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from advercity.assets.body_pose import BodyShape, compute_body_pose
 from advercity.frames import ActorState, Frame
@@ -15,8 +15,6 @@ from advercity.rendering.raycaster import MATERIAL_NAMES
 from advercity.world import Body
 
 _RUBBER = MATERIAL_NAMES.index("rubber")
-_POINTS_PER_BLOCK = 256
-"""Hit points whose nearest vertices are searched at a time, which bounds memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +75,11 @@ class LimbMotion:
     """What a pose of a gait adds to the motion of a body.
 
     Attributes:
-        vertices: (n, 3) of the body in the pose.
+        vertices: The n vertices of the body in the pose.
         steps: (n, 3) by which each moves per metre that the body travels.
     """
 
-    vertices: Float64Array
+    vertices: KDTree
     steps: Float64Array
 
     @staticmethod
@@ -94,14 +92,11 @@ class LimbMotion:
             _list_vertices(replace(shape, pose_index=(index + step) % count), bodies)
             for step in (-1, 0, 1)
         )
-        return LimbMotion(now, (after - before) * count / (2.0 * gait.cycle_length_m))
+        return LimbMotion(KDTree(now), (after - before) * count / (2.0 * gait.cycle_length_m))
 
     def find_steps(self, points: Float64Array) -> Float64Array:
         """Find the steps (n, 3) of the vertices that are nearest to points (n, 3)."""
-        squared = (self.vertices**2).sum(axis=1)
-        blocks = np.array_split(points, math.ceil(len(points) / _POINTS_PER_BLOCK))
-        nearest = [(squared - 2.0 * part @ self.vertices.T).argmin(axis=1) for part in blocks]
-        return self.steps[np.concatenate(nearest)]
+        return self.steps[self.vertices.query(points)[1]]
 
 
 def _list_vertices(shape: BodyShape, bodies: Mapping[str, Body]) -> Float64Array:

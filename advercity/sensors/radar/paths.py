@@ -24,7 +24,7 @@ from advercity.sensors.radar.antenna import (
 )
 from advercity.sensors.radar.motion import SceneMotion
 from advercity.sensors.radar.placement import PlacedRadar
-from advercity.sensors.radar.rays import aim_rays
+from advercity.sensors.radar.rays import RayFan, aim_rays
 from advercity.sensors.radar.surfaces import WAVENUMBER_PER_M, HitSurfaces
 
 MIN_MIRRORED = 1e-3
@@ -34,6 +34,9 @@ FADING_ANGLES = (0.2, 0.4)
 sharp end would itself be an edge that scatters."""
 MIN_SNR = 1e-3
 """Signal-to-noise ratio in clear air below which a path is left out."""
+MIN_FLASH_SNR = 10.0
+"""Signal-to-noise ratio of one ray that is mirrored back, from which the edge of its flash is
+sampled closer. A few such rays add up to a strong echo; weaker flashes drown in scattered power."""
 GHOST_CELLS = 2.0
 """Range cells between a surface and its place in a detection from which that is a ghost."""
 _EPSILON_M = 1e-3
@@ -135,14 +138,30 @@ class _Arrival:
     back_m: Float64Array
 
 
+@dataclass(frozen=True, eq=False)
+class _FanPaths:
+    """Paths of the rays of a fan.
+
+    Attributes:
+        paths: The n paths.
+        ray: (n,) row of the ray of each.
+        free_m: (rays,) range of the first surface; inf if there is none.
+    """
+
+    paths: Paths
+    ray: IndexArray
+    free_m: FloatArray
+
+
 class PathTracer:
-    """Traces the paths of one radar at one instant.
+    """Traces the paths of rays of one radar at one instant.
 
     Args:
         placed: The radar.
         raycaster: Placed at the frame.
         motion: How the actors move.
         wetness: Of roads, 0 dry to 1 soaked.
+        fan: The rays.
     """
 
     def __init__(
@@ -151,25 +170,29 @@ class PathTracer:
         raycaster: Raycaster,
         motion: SceneMotion,
         wetness: float,
+        fan: RayFan,
     ) -> None:
         radar, pose = placed.radar, placed.world_from_radar
         self._radar, self._raycaster, self._motion = radar, raycaster, motion
         self._rotation, self._origin = pose[:3, :3], pose[:3, 3]
         self._velocity, self._wetness = placed.velocity, wetness
-        self._fan = aim_rays(placed, raycaster, motion.frame.states)
+        self._fan = fan
         self._least_strength = MIN_SNR / compute_echo_factor(radar)
 
-    def trace(self) -> SurfacePaths:
-        """Trace all paths."""
-        tubes, found = self._shoot(), list[Paths]()
+    def trace(self, *, only_flashes: bool = False) -> _FanPaths:
+        """Trace all paths, or those that mirrors alone bring back."""
+        tubes, found = self._shoot(), list[tuple[Paths, IndexArray]]()
         free_m = np.full(len(tubes.ray), np.inf, np.float32)
         for bounce in range(self._radar.bounces):
             arrival = self._cast(tubes)
             if not bounce:
                 free_m[arrival.tubes.ray] = arrival.hits.range_m
-            found += self._collect(arrival, is_direct=not bounce)
+            found.append(self._flash(arrival))
+            if not only_flashes:
+                found += self._scatter(arrival, is_direct=not bounce)
             tubes = _mirror(arrival)
-        return SurfacePaths(Paths.join(found), self._fan.directions, free_m)
+        paths, rays = zip(*found, strict=True)
+        return _FanPaths(Paths.join(list(paths)), np.concatenate(rays), free_m)
 
     def _shoot(self) -> _Tubes:
         directions = self._fan.directions @ self._rotation.T
@@ -208,14 +231,13 @@ class PathTracer:
             back_m=back_m,
         )
 
-    def _collect(self, arrival: _Arrival, *, is_direct: bool) -> Iterator[Paths]:
-        """Collect the paths that end at the surfaces of an arrival."""
+    def _scatter(self, arrival: _Arrival, *, is_direct: bool) -> Iterator[tuple[Paths, IndexArray]]:
+        """Yield the paths that surfaces of an arrival scatter to the radar, with their rays."""
         yield self._scatter_back(arrival, is_direct=is_direct)
-        yield self._flash(arrival)
         if not is_direct:
             yield from self._scatter_home(arrival)
 
-    def _scatter_back(self, arrival: _Arrival, *, is_direct: bool) -> Paths:
+    def _scatter_back(self, arrival: _Arrival, *, is_direct: bool) -> tuple[Paths, IndexArray]:
         """Scatter straight back, along the path that the wave came."""
         tubes, surfaces = arrival.tubes, arrival.surfaces
         area_per_m2 = self._fan.solid_angle_sr[tubes.ray] / surfaces.cosine
@@ -233,7 +255,7 @@ class PathTracer:
             mirrorings=0 if is_direct else 2,
         )
 
-    def _scatter_home(self, arrival: _Arrival) -> Iterator[Paths]:
+    def _scatter_home(self, arrival: _Arrival) -> Iterator[tuple[Paths, IndexArray]]:
         """Scatter directly to the radar after mirrors, and the same path in the other direction."""
         tubes, surfaces = arrival.tubes, arrival.surfaces
         out, home = self._fan.directions[tubes.ray], self._locate_home(arrival)
@@ -256,7 +278,7 @@ class PathTracer:
                 mirrorings=1,
             )
 
-    def _flash(self, arrival: _Arrival) -> Paths:
+    def _flash(self, arrival: _Arrival) -> tuple[Paths, IndexArray]:
         """Mirror tubes that then point at the radar; they add in phase."""
         tubes, surfaces = arrival.tubes, arrival.surfaces
         onward = _reflect(tubes.directions, surfaces.normal)
@@ -274,10 +296,13 @@ class PathTracer:
         phase = np.exp(-1j * WAVENUMBER_PER_M * (length_m + back_m))
         field = np.zeros(len(tubes.ray), np.complex64)
         field[rows] = root * section_m2 * spread * fading**2 * phase / (length_m * back_m)
+        # An array of transmitters and receivers adds the phases of both ways, so that the echo seems
+        # to come from between them: from the corner, wherever in its opening a ray goes in.
+        between = self._fan.directions[tubes.ray] + home
         return self._build(
             arrival,
             rows,
-            direction=home,
+            direction=between / np.linalg.norm(between, axis=1, keepdims=True),
             range_m=(tubes.length_m + arrival.back_m) / 2.0,
             rate_m_s=(tubes.rate_m_s + self._rate_home(arrival)) / 2.0,
             field=field,
@@ -310,8 +335,11 @@ class PathTracer:
         field: NDArray[np.complex64] | None = None,
         detour_m: Float64Array | None = None,
         mirrorings: int = 0,
-    ) -> Paths:
-        """Build paths of some rows; what appears elsewhere than it is, is a ghost."""
+    ) -> tuple[Paths, IndexArray]:
+        """Build paths of some rows, with their rays.
+
+        A path that appears elsewhere than its surface is a ghost.
+        """
         if strength is not None:
             rows = rows[strength[rows] > self._least_strength]
         count, apparent = len(range_m), range_m[:, None] * direction
@@ -319,7 +347,7 @@ class PathTracer:
         off_m = np.linalg.norm(apparent - true, axis=1)
         is_ghost = off_m > GHOST_CELLS * compute_range_cell_m(self._radar)
         zeros = np.zeros(count, np.float32)
-        return Paths(
+        paths = Paths(
             direction=direction.astype(np.float32),
             range_m=range_m.astype(np.float32),
             rate_m_s=rate_m_s.astype(np.float32),
@@ -329,14 +357,25 @@ class PathTracer:
             mirrorings=np.full(count, mirrorings, np.uint8),
             instance=arrival.hits.instance,
             kind=np.where(is_ghost, PointKind.GHOST, PointKind.SURFACE).astype(np.uint8),
-        ).select(rows)
+        )
+        return paths.select(rows), arrival.tubes.ray[rows]
 
 
 def trace_paths(
     placed: PlacedRadar, raycaster: Raycaster, motion: SceneMotion, *, wetness: float = 0.0
 ) -> SurfacePaths:
     """Trace all paths of a radar; arguments as of `PathTracer`."""
-    return PathTracer(placed, raycaster, motion, wetness).trace()
+    fan = aim_rays(placed, raycaster, motion.frame.states)
+    traced = PathTracer(placed, raycaster, motion, wetness, fan).trace()
+    snr = np.abs(traced.paths.field) ** 2 * compute_echo_factor(placed.radar)
+    flashes = np.flatnonzero(snr > MIN_FLASH_SNR)
+    flash_m = np.zeros(len(traced.free_m))
+    np.maximum.at(flash_m, traced.ray[flashes], traced.paths.range_m[flashes])
+    split, closer = fan.split_flashes(flash_m)
+    finer = PathTracer(placed, raycaster, motion, wetness, closer).trace(only_flashes=True)
+    is_replaced = (traced.paths.field != 0.0) & np.isin(traced.ray, split)
+    kept = traced.paths.select(np.flatnonzero(~is_replaced))
+    return SurfacePaths(Paths.join([kept, finer.paths]), fan.directions, traced.free_m)
 
 
 def _mirror(arrival: _Arrival) -> _Tubes:

@@ -1,4 +1,7 @@
-"""Rays of a radar: even ones, and closer ones where road users, poles, signs and rails are."""
+"""Rays of a radar: even ones, and closer ones where road users, poles, signs and rails are.
+
+Where surfaces mirror them back they are closer still, as the edges of flashing areas count.
+"""
 
 import math
 from collections.abc import Iterable
@@ -17,8 +20,14 @@ from advercity.sensors.radar.placement import PlacedRadar
 
 SPACING_M = 0.1
 """Most distance between rays on road users and thin things: ten meet a corner of 0.3 m."""
+FLASH_SPACING_M = 0.025
+"""Most distance between rays at the edge of a flashing area: 80 meet a corner of 0.3 m."""
+MAX_FLASH_PARTS = 4
+"""Parts in each direction into which a ray at such an edge is split at most."""
 _UNIT_CORNERS = np.indices((2, 2, 2)).reshape(3, 8).T == 1
 """(8, 3) whether a corner of a box is on its upper side, by axis."""
+_AROUND = np.delete(np.indices((3, 3)).reshape(2, 9).T - 1, 4, axis=0)
+"""(8, 2) steps to the rows and columns next to one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +37,52 @@ class RayFan:
     Attributes:
         directions: (n, 3) float32, unit, in the radar's frame.
         solid_angle_sr: (n,) float32 of each.
+        grid: The even rays that were split.
+        places: (n, 2) row and column of each, in steps of the grid from its first corner.
+        parts: (n,) by which the step of its even ray is divided.
     """
 
     directions: FloatArray
     solid_angle_sr: FloatArray
+    grid: "_RayGrid"
+    places: Float64Array
+    parts: NDArray[np.intp]
+
+    def split_flashes(self, flash_m: Float64Array) -> tuple[IndexArray, "RayFan"]:
+        """Split the rays at the edges of flashing areas.
+
+        Args:
+            flash_m: (n,) length of the path of each ray that flashes, one way; else 0.
+
+        Returns:
+            The rows (k,) of the rays that are split, and their parts.
+        """
+        flashes = np.flatnonzero(flash_m)
+        around = self._find_around(flashes)
+        at_edge = (flash_m[around] == 0.0).any(axis=1)
+        # A ray next to flashing ones may be split for each of them; the longest path counts.
+        reach_m = flash_m.copy()
+        np.maximum.at(reach_m, around[at_edge], flash_m[flashes[at_edge], None])
+        rows = np.unique(np.concatenate([flashes[at_edge], around[at_edge].ravel()]))
+        spacing_m = reach_m[rows] * np.sqrt(self.solid_angle_sr[rows])
+        finer = np.ceil(spacing_m / FLASH_SPACING_M).clip(1, MAX_FLASH_PARTS).astype(np.intp)
+        rows, finer = rows[finer > 1], finer[finer > 1]
+        return rows, self.grid.split(self.places[rows], self.parts[rows], finer)
+
+    def _find_around(self, rows: IndexArray) -> IndexArray:
+        """Find the rays (k, 8) around some, each at the distance of its own neighbours."""
+        cells = np.floor(self.places).astype(np.intp)
+        # Parts of an even ray are successive, so that the first one and their number tell all.
+        starts = np.flatnonzero(np.diff(cells, axis=0, prepend=-1).any(axis=1))
+        first = np.empty((self.grid.rows, self.grid.columns), np.intp)
+        first[tuple(cells[starts].T)] = starts
+        places = self.places[rows, None] + _AROUND / self.parts[rows, None, None]
+        places = places.clip(0.0, np.nextafter(first.shape, 0.0))
+        met = np.floor(places).astype(np.intp)
+        start = first[met[..., 0], met[..., 1]]
+        parts = self.parts[start]
+        row, column = np.moveaxis(((places - met) * parts[..., None]).astype(np.intp), -1, 0)
+        return start + row * parts + column
 
 
 def build_ray_fan(radar: Radar) -> RayFan:
@@ -115,24 +166,37 @@ class _RayGrid:
         """Build rays of which each is split into `parts` (rows, columns) squared."""
         if parts is None:
             return _build_even_fan(self)
-        counts = [int(count) for count in np.unique(parts)]
-        fans = [self._split(np.argwhere(parts == count), count) for count in counts]
-        return RayFan(
-            np.concatenate([fan.directions for fan in fans]),
-            np.concatenate([fan.solid_angle_sr for fan in fans]),
-        )
+        cells = np.indices(parts.shape, np.float64).reshape(2, -1).T + 0.5
+        return self.split(cells, np.ones(len(cells), np.intp), parts.ravel())
 
-    def _split(self, cells: IndexArray, count: int) -> RayFan:
-        """Split cells (n, 2) of the grid into `count` rows and columns each."""
-        within = (np.arange(count) + 0.5) / count
-        offsets = np.stack(np.meshgrid(within, within, indexing="ij"), axis=-1).reshape(-1, 2)
-        place = (cells[:, None, :] + offsets).reshape(-1, 2) - [self.rows / 2, self.columns / 2]
-        elevation, azimuth = (place * [self.high_rad, self.wide_rad]).T
-        area = self.high_rad * self.wide_rad / count**2
+    def split(
+        self, places: Float64Array, parts: NDArray[np.intp], finer: NDArray[np.intp]
+    ) -> RayFan:
+        """Split rays at `places` (n, 2), parts of a step, into `finer` (n,) rows and columns."""
+        pieces = [
+            self._split_alike(places[finer == count], parts[finer == count], int(count))
+            for count in np.unique(finer)
+        ] or [(places, parts)]
+        place = np.concatenate([piece[0] for piece in pieces])
+        part = np.concatenate([piece[1] for piece in pieces])
+        middle = np.array([self.rows / 2, self.columns / 2])
+        elevation, azimuth = ((place - middle) * [self.high_rad, self.wide_rad]).T
+        area = self.high_rad * self.wide_rad / part**2
         return RayFan(
             build_directions(azimuth, elevation).astype(np.float32),
             (np.cos(elevation) * area).astype(np.float32),
+            *(self, place, part),
         )
+
+    @staticmethod
+    def _split_alike(
+        places: Float64Array, parts: NDArray[np.intp], count: int
+    ) -> tuple[Float64Array, NDArray[np.intp]]:
+        """Split rays (n, 2) into `count` rows and columns each: their places and parts."""
+        within = (np.arange(count) + 0.5) / count - 0.5
+        offsets = np.stack(np.meshgrid(within, within, indexing="ij"), axis=-1).reshape(-1, 2)
+        split = places[:, None] + offsets / parts[:, None, None]
+        return split.reshape(-1, 2), np.repeat(parts * count, count**2)
 
 
 @lru_cache(maxsize=8)
