@@ -280,8 +280,8 @@ have set a parameter of the models' files, `library/nhtsa/lidars`; rows to *test
 |---|---|---|---|---|---|"""
 REMARKS = """What does not fit, and why:
 
-- The HDL-64E sees 80 % targets farther by the law than its manual says, which ends at the sensor's
-  maximum range; `range_m` cuts the points there.
+- The HDL-64E sees targets in the fog chamber farther than 25 m since its range is that of its rings
+  on the road. The chamber was 30 m long.
 - The range noise of the OS1 falls with a power of the signal-to-noise ratio between 0.5 and 1, the
   model's with 1.
 - The lidar in dense fog saw more light that is scattered forward than a field of view of 5 mrad
@@ -289,8 +289,9 @@ REMARKS = """What does not fit, and why:
 - Links through rain receive some of the light that drops diffract. An open receiver would lose
   half of the model's figure.
 - The road of the scan of nuScenes is darker from 12 m on; scans of KITTI are brighter there.
-- The HDL-64E's manual says 50 m "for pavement", which the model takes for a panel that faces the
-  sensor. Scans of KITTI have the road up to 50 m, which a range of 60 m for 10 % would give.
+
+The HDL-64E's manual says 50 m "for pavement". The model takes it for pavement as it lies, which is
+detected with a probability of 0.9 in full sun; a panel of 10 % that faces the sensor is so at 59 m.
 
 Echoes of fog differ most from sensor to sensor, and least is known of them. Fractions of beams into
 fog of 63 m that return by its droplets:

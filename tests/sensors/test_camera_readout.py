@@ -1,5 +1,6 @@
 """Linear and raw images against the light that made them, the photon transfer curve and OpenCV."""
 
+import math
 from typing import Any
 
 import cv2
@@ -8,6 +9,7 @@ import pytest
 from advercity_dsl import Camera, Mount, RawOutput
 from numpy.typing import NDArray
 from pydantic import ValidationError
+from scipy import stats
 
 from advercity.randomness import create_generator
 from advercity.sensors.camera import ExposedImage, ExposureSettings, expose_image
@@ -71,6 +73,21 @@ def test_raw_electrons_follow_the_photon_transfer_curve() -> None:
     np.testing.assert_allclose(mean, np.multiply(levels, 10_000), atol=1)
     # Shot noise of Poisson, and 3 electrons of read noise.
     np.testing.assert_allclose(variance, np.add(mean, 9), rtol=0.015)
+
+
+def test_noise_of_pixels_is_normal_and_independent_of_place_and_colour() -> None:
+    """Red, green and blue pixels next to each other: of 50,000, 0.023 is five sigma."""
+    raw = RawOutput(bits=16, black_level=1024)
+    exposed = expose(np.full((400, 500, 3), 0.3 * SATURATION), raw=raw)
+    assert exposed.raw is not None
+    electrons = exposed.readout.count_electrons(exposed.raw, raw).astype(np.float64)
+    tiles = electrons.reshape(200, 2, 250, 2).transpose(1, 3, 0, 2).reshape(4, -1)
+    right = electrons.reshape(200, 2, 250, 2)[:, 0, :, 0][:, 1:].ravel()
+    left = electrons.reshape(200, 2, 250, 2)[:, 0, :, 0][:, :-1].ravel()
+    np.testing.assert_allclose(np.corrcoef(tiles), np.eye(4), atol=0.023)
+    assert abs(np.corrcoef(left, right)[0, 1]) < 0.023
+    # Shot noise of 3000 electrons and read noise of 3 together.
+    assert stats.kstest((electrons.ravel()[::20] - 3000) / math.sqrt(3009), "norm").pvalue > 1e-4
 
 
 def test_raw_values_end_at_a_full_pixel_and_read_noise_shows_below_black() -> None:

@@ -13,6 +13,7 @@ from advercity_dsl.inertial import (
     ImuErrors,
     RoadVibration,
 )
+from scipy import stats
 
 from advercity.frames import AT_REST, BodyMotion
 from advercity.geometry.poses import pose_matrix
@@ -66,6 +67,19 @@ def test_noise_has_the_random_walks_of_the_data_sheet() -> None:
     np.testing.assert_allclose(find_deviations(force, 100, taus_s), 0.06 * expected, rtol=0.08)
     in_deg_s = np.degrees(find_deviations(rate, 100, taus_s))
     np.testing.assert_allclose(in_deg_s, 0.15 * expected, rtol=0.08)
+
+
+def test_white_noise_is_normal_and_independent_by_axis_and_sample() -> None:
+    """Of 20,000 samples, a correlation of 0.036 is five sigma."""
+    errors = ImuErrors(
+        accelerometer=AccelerometerErrors(noise_m_s_rth=0.06),
+        gyroscope=GyroscopeErrors(noise_deg_rth=0.15),
+    )
+    noise = np.hstack(apply(errors, np.zeros((20_000, 3)), unit=5))
+    both = np.hstack([noise[:-1], noise[1:]])
+    np.testing.assert_allclose(np.corrcoef(both.T), np.eye(12), atol=0.036)
+    for values in noise.T:
+        assert stats.kstest(values / values.std(), "norm").pvalue > 1e-4
 
 
 def test_the_floor_of_the_allan_deviation_is_the_bias_instability() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from advercity_dsl import Mount, ThermalCamera, Weather
 from numpy.typing import NDArray
+from scipy import stats
 
 from advercity.frames import Frame
 from advercity.geometry.mesh import Mesh
@@ -175,6 +176,20 @@ def test_noise_is_as_declared_and_the_pattern_of_a_camera_stays() -> None:
     np.testing.assert_array_equal(first, second)
     assert (first - np.median(first)).std() == pytest.approx(0.2 * math.sqrt(2), rel=0.2)
     assert first.mean(axis=0).std() == pytest.approx(0.2, rel=0.3)
+
+
+def test_noise_in_time_is_normal_and_independent_of_pixels_and_of_the_pattern() -> None:
+    wall = build_box((1.0, 100.0, 100.0), (3.0, 0.0, 0.0), material="wood")
+    overcast = DAY | {"sky": {"oktas": 8}, "temperature_c": 26}
+    camera = replace_camera(netd_mk=300, fixed_pattern_mk=300)
+    images = np.array([look(overcast, wall, camera=camera, noise=name)[0] for name in "abcdef"])
+    pattern, noise = images.mean(axis=0), (images - images.mean(axis=0))[0]
+    alone = abs(np.corrcoef(noise.ravel(), pattern.ravel())[0, 1])
+    beside = abs(np.corrcoef(noise[:, :-1].ravel(), noise[:, 1:].ravel())[0, 1])
+    assert max(alone, beside) < 5 / math.sqrt(noise.size)
+    # The mean of six takes a sixth of the variance.
+    values = noise.ravel() / (0.3 * math.sqrt(5 / 6))
+    assert stats.kstest(values - values.mean(), "norm").pvalue > 1e-4
 
 
 def replace_camera(**changes: float) -> ThermalCamera:

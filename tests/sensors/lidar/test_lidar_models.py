@@ -61,7 +61,7 @@ def detected_fraction(
 @pytest.mark.parametrize(
     ("name", "range_m", "probability", "lux"),
     [
-        ("hdl_64e", 50, 0.5, 0),
+        ("hdl_64e", 59, 0.9, 100_000),
         ("vls_128", 220, 0.5, 0),
         ("os1_64", 40, 0.9, 100_000),
         ("mid_40", 90, 0.5, 0),
