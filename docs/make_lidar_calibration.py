@@ -280,8 +280,8 @@ have set a parameter of the models' files, `library/nhtsa/lidars`; rows to *test
 |---|---|---|---|---|---|"""
 REMARKS = """What does not fit, and why:
 
-- The HDL-64E sees targets in the fog chamber farther than 25 m since its range is that of its rings
-  on the road. The chamber was 30 m long.
+- The HDL-64E sees targets in the fog chamber farther than 25 m: no one sensitivity gives both that
+  and full rings on KITTI's road.
 - The range noise of the OS1 falls with a power of the signal-to-noise ratio between 0.5 and 1, the
   model's with 1.
 - The lidar in dense fog saw more light that is scattered forward than a field of view of 5 mrad
@@ -298,10 +298,13 @@ fog of 63 m that return by its droplets:
 {echoes}.
 Only the HDL-64E's is measured. Scans of an HDL-32E in thin fog (RADIATE, `fog_6_0`, visibility not
 stated) have returns from 1 to 12 m in one of 10,000 beams to the sky, as the model's have; of
-the default's beams {thin:.0%} would return in fog of 300 m. No public scans of an HDL-32E in fog of
-a measured visibility were found, so `soft_gain` of `hdl_32e` and `vls_128` is an aim.
+the default's beams {thin:.0%} would return in fog of 300 m. Yu, Zhang, Xia and Wang (Laser &
+Optoelectronics Progress 62, 0237014, 2025) count the points of an HDL-32E by distance in fog of 50,
+80 and 100 m. Their table could not be read, and no other scans in fog of a measured visibility were
+found, so `soft_gain` of `hdl_32e` and `vls_128` is an aim.
 
-Set by judgement, without a figure: `near_field_m` of the default and of `vls_128`, reflectances of
+Set by judgement, without a figure: the HDL-32E's 80 m for 10 %, the HDL-64E's full sun,
+`near_field_m` of the default and of `vls_128`, reflectances of
 drops, flakes and stones, fields of view, stray light, and slopes of facets of all but asphalt.
 
 Not in this table: counts of rain and snow points by named sensors. Those that are published
