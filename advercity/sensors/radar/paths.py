@@ -296,8 +296,8 @@ class PathTracer:
         phase = np.exp(-1j * WAVENUMBER_PER_M * (length_m + back_m))
         field = np.zeros(len(tubes.ray), np.complex64)
         field[rows] = root * section_m2 * spread * fading**2 * phase / (length_m * back_m)
-        # An array of transmitters and receivers adds the phases of both ways: the echo seems to come
-        # from between them, which is a corner itself, wherever in its opening a ray goes in.
+        # An array of transmitters and receivers adds the phases of both ways: the echo seems to
+        # come from between them, which is a corner itself, wherever in it a ray goes in.
         between = self._fan.directions[tubes.ray] + home
         return self._build(
             arrival,
