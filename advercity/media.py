@@ -96,9 +96,10 @@ class VideoWriter:
         return self
 
     def append(self, image: NDArray[np.uint8]) -> None:
-        """Append an image (h, w, 3), RGB; an odd row or column is cut off."""
+        """Append an image (h, w, 3), RGB; an odd row or column is cut off, a single one doubled."""
         # H.264 with halved colour resolution takes even sizes only.
-        even = image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2]
+        rows, columns = (max(size // 2 * 2, 2) for size in image.shape[:2])
+        even = np.pad(image, ((0, 1), (0, 1), (0, 0)), mode="edge")[:rows, :columns]
         if self._is_empty:
             self._stream.height, self._stream.width = even.shape[:2]
             self._is_empty = False

@@ -1,3 +1,4 @@
+import resource
 import struct
 import tracemalloc
 import zlib
@@ -44,6 +45,21 @@ def test_a_larger_image_takes_no_memory(width: int, height: int) -> None:
         decode_image(content, cv2.IMREAD_COLOR_RGB)
     assert tracemalloc.get_traced_memory()[1] < 20_000_000
     tracemalloc.stop()
+
+
+@pytest.mark.parametrize("name", [b"IDAT", b"tEXt", b"IEND"])
+def test_a_chunk_longer_than_its_file_takes_no_memory(name: bytes) -> None:
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    small = build_png(8, 8, 8)
+    chunk = struct.pack(">I4s", 0x7FFF_FF00, name) + bytes(30)
+    with pytest.raises(ValueError, match="no image"):
+        decode_image(small[:33] + chunk + small[33:], cv2.IMREAD_COLOR_RGB)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # kB
+
+
+def test_pixels_that_cannot_be_in_so_few_bytes_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"8192 x 8192 pixels cannot be in [0-9]+ bytes"):
+        decode_image(build_png(8192, 8192, 8), cv2.IMREAD_GRAYSCALE)
 
 
 @pytest.mark.parametrize("content", [b"", b"text", b"\x89PNG\r\n\x1a\n", build_png(8, 8, 8)[:40]])

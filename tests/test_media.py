@@ -40,16 +40,21 @@ def test_a_label_bar_is_as_wide_as_asked_and_has_light_text() -> None:
     assert bar.max() > 200 and bar.min() < 40
 
 
-def test_a_video_has_every_image_and_even_sizes(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("size", "even"), [((33, 49), (32, 48)), ((1, 1), (2, 2)), ((1, 90), (2, 90))]
+)
+def test_a_video_has_every_image_and_even_sizes(
+    size: tuple[int, int], even: tuple[int, int], tmp_path: Path
+) -> None:
     require("av")
     with VideoWriter(tmp_path / "a.mp4", tick_s=0.1) as video:
         for _ in range(4):
-            video.append(np.full((33, 49, 3), 90, np.uint8))
+            video.append(np.full((*size, 3), 90, np.uint8))
     capture = cv2.VideoCapture(str(tmp_path / "a.mp4"))
     sizes = []
     while (read := capture.read())[0]:
         sizes.append(read[1].shape)
-    assert sizes == [(32, 48, 3)] * 4
+    assert sizes == [(*even, 3)] * 4
 
 
 def test_a_video_touches_no_file_of_a_similar_name(tmp_path: Path) -> None:

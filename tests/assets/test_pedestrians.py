@@ -3,6 +3,7 @@
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from advercity.assets.rigged_bodies import pose_body
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
 from advercity.geometry.mesh import Mesh
+from advercity.materials import ACTOR_PAINT
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.rendering.backend import RENDER_PROFILES, CameraView
 from advercity.rendering.raycaster import Raycaster, Rays
@@ -344,3 +346,16 @@ def pixel_rays(eye: NDArray[np.float64], width: int, height: int, fov_rad: float
     ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True) @ eye[:3, :3].T
     origins = np.broadcast_to(eye[:3, 3], ahead.shape)
     return Rays(origins.astype(np.float32), ahead.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("top", "lowest_m"), [("coat", (0.45, 0.75)), ("jacket", (0.75, 1.05)), ("shirt", (0.75, 1.05))]
+)
+def test_a_coat_ends_above_the_knees_and_a_jacket_at_the_hips(
+    top: Literal["coat", "jacket", "shirt"], lowest_m: tuple[float, float]
+):
+    """Of a person of 1.75 m, whose knees are at 0.5 m."""
+    looks = PedestrianAppearance(top=top, bottom="trousers", bag="none")
+    body = build_body("somebody", somebody(looks=looks))
+    low = min(mesh.vertices[:, 2].min() for mesh in body.parts if mesh.material == ACTOR_PAINT)
+    assert lowest_m[0] < low < lowest_m[1]

@@ -52,3 +52,16 @@ def test_a_place_is_found(place: str, expected: tuple[float, float, float], tmp_
     assert find_rear_axle(other, 1.0)[0] == pytest.approx([x, y], abs=1e-6)
     turned = math.remainder(find_heading(other, 1.0) - heading, 2 * math.pi)
     assert turned == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("turn", "follows"), [(0.0, True), (0.7, True), (0.9, False)])
+def test_who_is_turned_across_a_lane_leaves_it(turn: float, follows: bool, tmp_path: Path) -> None:
+    """Turned by more than an eighth of a circle it drives where it faces."""
+    orientation = f'<Orientation type="relative" h="{turn}"/>'
+    place = f'<LanePosition roadId="1" laneId="-1" s="50">{orientation}</LanePosition>'
+    init = EGO + begin("Other", place, 5.0)
+    other = play(tmp_path, init=init, end_s=2, streets=write_opposite_roads())["Other"]
+
+    heading = 0.0 if follows else turn
+    expected = [50 + 10 * math.cos(heading), -1.75 + 10 * math.sin(heading)]
+    assert find_rear_axle(other, 2.0)[0] == pytest.approx(expected, abs=0.05)
