@@ -15,7 +15,7 @@ from advercity.dataset.reader import Scenario
 from advercity.dataset.statistics import compute_tables
 from advercity.dataset.verification import verify_dataset
 from advercity.errors import InputError
-from advercity.pipeline import RunOptions, ViewerTarget, repair_dataset, run_scenario
+from advercity.pipeline import RunOptions, repair_dataset, run_scenario
 from advercity.pipeline.replay import write_recording
 from advercity.sensors.measurements import RadarDetections
 from advercity.sensors.sensor_frame import RadarScan
@@ -66,8 +66,7 @@ def make_options(root: Path) -> RunOptions:
 @pytest.fixture(scope="module")
 def dataset(spec: Spec, tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("detected")
-    viewer = ViewerTarget(file=root / "live.rrd")
-    run_scenario(spec, replace(make_options(root), viewer=viewer))
+    run_scenario(spec, replace(make_options(root), rrd=root / "live.rrd"))
     return root / spec.id
 
 
