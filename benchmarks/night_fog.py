@@ -27,11 +27,12 @@ from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
 from advercity.materials import CONCRETE_77GHZ, MATERIALS, Material
 from advercity.physics.atmosphere import Atmosphere
-from advercity.physics.extinction import AirExtinction, Extinction, extinction_from_mor
+from advercity.physics.extinction import AirExtinction, extinction_from_mor
 from advercity.physics.lamp_beams import LOW_BEAM
 from advercity.physics.photometry import LUMINANCE_WEIGHTS
 from advercity.physics.scattering import DropletPhaseLobes, henyey_greenstein
 from advercity.physics.sky import build_airlight_cubemap
+from advercity.physics.weather_parts.part import Extinction, Suspension
 from advercity.rendering.backend import CameraView, RenderProfile
 from advercity.rendering.light_sources import LAMP_BODY_CLEARANCE_M
 from advercity.rendering.raycaster import MATERIAL_INDEX
@@ -456,7 +457,7 @@ def _frame_patch(patch_: Patch, width_px: int) -> tuple[CameraView, slice, slice
 def _dark_air(mor_m: float) -> Atmosphere:
     extinction = extinction_from_mor(mor_m)
     return Atmosphere(
-        extinction=AirExtinction(fog=Extinction(extinction, extinction)),
+        extinction=AirExtinction((Suspension("fog", Extinction(extinction, extinction)),)),
         sun_direction=np.array([0.0, 0.0, -1.0]),
         sun_lx=0.0,
         sun_colour=(1.0, 1.0, 1.0),

@@ -86,7 +86,7 @@ def run_benchmark(*, quick: bool) -> list[Measurement]:
     for name in ("clear_day", "heavy_rain_day"):
         weather = find_weather(name).declaration
         atmosphere = compute_atmosphere(weather, "urban")
-        air = derive_radar_conditions(atmosphere, weather.lens, weather.fog)
+        air = derive_radar_conditions(atmosphere, weather.lens)
         rays = scene.record_rays(air)
         scan_s = _measure_median_s(lambda air=air: scene.scan(caster, air), rounds)
         embree_s = _measure_median_s(lambda rays=rays: _cast(baseline, rays), rounds)

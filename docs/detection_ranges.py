@@ -209,7 +209,7 @@ class DetectionScene:
     def _build_radar_detector(self, weather: Weather) -> Detector:
         radar, mount, _ = self._sensors.radars[0]
         atmosphere = compute_atmosphere(weather, LAND_USE)
-        air = derive_radar_conditions(atmosphere, weather.lens, weather.fog)
+        air = derive_radar_conditions(atmosphere, weather.lens)
         placed = PlacedRadar(radar, mount, _build_pose(mount, 0.0), np.zeros(3))
 
         def detects(frame: Frame, _: float) -> bool:

@@ -15,18 +15,18 @@ from statistics import NormalDist
 import numpy as np
 import yaml
 from advercity_dsl import Lidar, LidarModel
+from advercity_dsl.weather_components import Fog, Rain, Snow
 from pydantic import BaseModel, ConfigDict, JsonValue
 
 from advercity.compiler import find_shipped_library, load_library
 from advercity.materials import MATERIALS
 from advercity.physics.extinction import (
     AirExtinction,
-    Extinction,
     extinction_from_mor,
-    rain_extinction,
-    snow_extinction,
 )
-from advercity.physics.precipitation import rain_size_distribution, snow_size_distribution
+from advercity.physics.weather_parts.fog import find_droplets
+from advercity.physics.weather_parts.rain import find_drops
+from advercity.physics.weather_parts.snow import find_flakes
 from advercity.randomness import create_generator
 from advercity.sensors.lidar.beams import BeamShape
 from advercity.sensors.lidar.forward_scattering import Diffraction
@@ -149,17 +149,18 @@ def _compute_visibility_gain(*, field_of_view_mrad: float) -> float:
 
 
 def _compute_rain_attenuation(*, rate_mm_h: float, field_of_view_mrad: float) -> float:
-    per_m = rain_extinction(rate_mm_h)
-    drops = Diffraction.from_sizes(rain_size_distribution(rate_mm_h), per_m)
-    seen = per_m - drops.kept_extinction_per_m(field_of_view_mrad * 1e-3)
+    rain = find_drops(Rain(rate_mm_h=rate_mm_h))
+    assert rain is not None
+    drops = Diffraction.from_precipitation(rain)
+    seen = rain.extinction_per_m - drops.kept_extinction_per_m(field_of_view_mrad * 1e-3)
     return 10.0 * math.log10(math.e) * seen * 1000.0
 
 
 def _compute_snow_fraction_beyond(lidar: Lidar, *, rate_mm_h: float, range_m: float) -> float:
-    sizes = snow_size_distribution(rate_mm_h, SNOW_DENSITY_G_CM3)
-    per_m = snow_extinction(rate_mm_h, density_g_cm3=SNOW_DENSITY_G_CM3)
+    snow = find_flakes(Snow(rate_mm_h=rate_mm_h, density_g_cm3=SNOW_DENSITY_G_CM3))
+    assert snow is not None
     table = ParticleTable.build(
-        sizes, per_m, Receiver.from_lidar(lidar), BeamShape.from_lidar(lidar)
+        snow, snow.extinction_per_m, Receiver.from_lidar(lidar), BeamShape.from_lidar(lidar)
     )
     _, ranges, power = table.sample(400_000, create_generator("calibration"))
     detected = ranges[power >= 1.0]
@@ -168,9 +169,10 @@ def _compute_snow_fraction_beyond(lidar: Lidar, *, rate_mm_h: float, range_m: fl
 
 def _compute_fog_echo_fraction(lidar: Lidar, *, fog_mor_m: float) -> float:
     """Compute the fraction of beams into fog that return from it, by the noise of the receiver."""
-    per_m = extinction_from_mor(fog_mor_m)
-    fog = AirExtinction(fog=Extinction(per_m, per_m))
-    soft = SoftTarget.from_extinction(fog, per_m, Receiver.from_lidar(lidar))
+    fog = find_droplets(Fog(mor_m=fog_mor_m))
+    assert fog is not None
+    per_m, receiver = fog.extinction.at_905nm, Receiver.from_lidar(lidar)
+    soft = SoftTarget.from_extinction(AirExtinction((fog,)), per_m, receiver)
     assert soft is not None
     levels = np.array([NormalDist().inv_cdf((step + 0.5) / 1000) for step in range(1000)])
     power = lidar.soft_gain * soft.peak_power * np.exp(LOG_POWER_DEVIATION * levels)

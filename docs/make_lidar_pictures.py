@@ -170,7 +170,7 @@ def draw_from_above(cloud: PointCloud) -> NDArray[np.uint8]:
     """Draw a cloud from above (n, n, 3) RGB, x up, coloured by kind; airborne points on top."""
     picture = np.full((SIZE_PX, SIZE_PX, 3), 16, np.uint8)
     scale = SIZE_PX / (2.0 * NEAR_M)
-    for kind in (PointKind.SURFACE, *(other for other in PointKind if other)):
+    for kind in sorted(KIND_COLOURS):
         places = cloud.points[cloud.kind == kind, :2]
         row, column = (((NEAR_M - places) * scale).astype(int)).T
         inside = (row >= 0) & (row < SIZE_PX) & (column >= 0) & (column < SIZE_PX)

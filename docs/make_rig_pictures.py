@@ -27,7 +27,7 @@ from advercity.sensors.annotation import annotate_actors
 from advercity.sensors.measurements import PointKind
 from advercity.sensors.messages import to_level_pose
 from advercity.sensors.sensor_frame import SensorFrame
-from advercity.viewer.cloud_colours import KIND_COLOURS
+from advercity.viewer.cloud_colours import KIND_COLOUR_TABLE
 from advercity.viewer.radar_pictures import colour_velocities
 from advercity.viewer.thermal_pictures import draw_thermal
 
@@ -127,9 +127,10 @@ def write_label(cell: NDArray[np.uint8], text: str) -> None:
 def draw_lidar(item: SensorFrame) -> NDArray[np.uint8]:
     """Draw the points from above, coloured by kind; airborne ones first."""
     cloud = item.point_cloud
-    table = np.array([KIND_COLOURS[kind] for kind in PointKind], np.uint8)
     order = np.argsort(cloud.kind == PointKind.SURFACE, kind="stable")
-    return draw_top(item, item.world_from_lidar, cloud.points[order], table[cloud.kind[order]], 0)
+    return draw_top(
+        item, item.world_from_lidar, cloud.points[order], KIND_COLOUR_TABLE[cloud.kind[order]], 0
+    )
 
 
 def draw_radar(item: SensorFrame) -> NDArray[np.uint8]:

@@ -31,7 +31,7 @@ from advercity.dataset.agent_view import AgentView
 from advercity.geometry import poses
 from advercity.geometry.poses import Matrix
 from advercity.sensors.measurements import PointKind
-from advercity.viewer.cloud_colours import KIND_COLOURS
+from advercity.viewer.cloud_colours import KIND_COLOUR_TABLE
 from advercity.viewer.radar_pictures import colour_velocities
 
 ROOT = Path(__file__).parents[1]
@@ -116,10 +116,11 @@ def draw_row(view: AgentView) -> NDArray[np.uint8]:
 def draw_lidar(view: AgentView) -> NDArray[np.uint8]:
     """Draw the points from above, coloured by kind; airborne ones first."""
     cloud = view.cloud
-    table = np.array([KIND_COLOURS[kind] for kind in PointKind], np.uint8)
     order = np.argsort(cloud["kind"] == PointKind.SURFACE, kind="stable")
     points = _stack_xyz(cloud)[order]
-    return _draw_view(view, view.world_from_lidar, points, table[cloud["kind"][order]], 0)
+    return _draw_view(
+        view, view.world_from_lidar, points, KIND_COLOUR_TABLE[cloud["kind"][order]], 0
+    )
 
 
 def draw_radar(view: AgentView) -> NDArray[np.uint8]:

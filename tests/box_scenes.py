@@ -13,9 +13,10 @@ from advercity.frames import Actor, ActorState, Frame, Lamp, Signal
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import Atmosphere
-from advercity.physics.extinction import AirExtinction, Extinction, extinction_from_mor
+from advercity.physics.extinction import AirExtinction, extinction_from_mor
 from advercity.physics.photometry import Colour, cubemap_directions, horizontal_illuminance
 from advercity.physics.sky import build_airlight_cubemap
+from advercity.physics.weather_parts.part import Extinction, Suspension
 from advercity.rendering.backend import CameraCapture, CameraView
 from advercity.semantics import Semantic
 from advercity.world import Body, World
@@ -51,8 +52,9 @@ def air_of(
     luminance = np.asarray(sky(cubemap_directions(32)[..., 2]), dtype=np.float32)
     cubemap = np.repeat(luminance[..., None], 3, axis=-1)
     elevation = np.radians(sun_elevation_deg)
+    fog = Suspension("fog", Extinction(at_550nm=extinction_from_mor(mor_m)))
     return Atmosphere(
-        extinction=AirExtinction(fog=Extinction(at_550nm=extinction_from_mor(mor_m))),
+        extinction=AirExtinction((fog,)),
         sun_direction=np.array([-np.cos(elevation), 0.0, np.sin(elevation)]),
         sun_lx=sun_lx,
         sun_colour=(1.0, 1.0, 1.0),

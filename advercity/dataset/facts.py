@@ -48,6 +48,8 @@ Fields that begin with `ego` are NaN where the ego does not annotate it; `ego_de
 radars, also where it has none. `visible_fraction` is the maximum over all agents.
 """
 _NOT_BY_EGO = (np.nan,) * 5
+NUM_POINT_KINDS = 256
+"""Point kinds are bytes; other distributions have their own."""
 UNKNOWN_LABEL = "unknown"
 """Road, density and weather of scenarios that do not say them."""
 
@@ -66,7 +68,7 @@ class ScenarioFacts:
         num_annotations: (frames,) number of `objects`.
         speeds_km_h: (frames, connected vehicles), the ego's first.
         radars: Number of radars of all agents.
-        radar_detections: (frames, kinds of `PointKind`) detections of all radars.
+        radar_detections: (frames, NUM_POINT_KINDS) detections of all radars.
         messages: (k,) of `MESSAGE_FACT`.
         message_ages: (l,) of `AGE_FACT`.
     """
@@ -162,10 +164,10 @@ def _collect_frame_facts(frame: FrameView) -> _FrameFacts:
     objects: dict[int, tuple[Any, ...]] = {}
     visible: dict[int, float] = {}
     parked: set[int] = set()
-    radar_detections = np.zeros(len(PointKind), np.int64)
+    radar_detections = np.zeros(NUM_POINT_KINDS, np.int64)
     for view in views:
         boxes, detections = view.boxes, _load_detections(view)
-        radar_detections += np.bincount(detections["kind"], minlength=len(PointKind))
+        radar_detections += np.bincount(detections["kind"], minlength=NUM_POINT_KINDS)
         detected = _count_detections(view, detections, boxes.ids)
         hits = np.where(boxes.lidar_hits < 0, np.nan, boxes.lidar_hits)
         parked.update(boxes.ids[boxes.is_parked].tolist())

@@ -77,7 +77,7 @@ class SensorFiles:
 def load_all_files() -> Mapping[str, SensorFiles]:
     """Load the `SensorFiles` of all kinds of sensors, by name."""
     # Imported here: the models of the language take longer than opening a dataset.
-    from advercity_dsl.sensor_kind import load_named
+    from advercity_dsl.registry import load_named
     from advercity_dsl.sensor_kinds import load_sensor_kinds
 
     return {name: load_named(kind.files) for name, kind in load_sensor_kinds().found.items()}

@@ -24,8 +24,8 @@ from advercity.dataset.weather_truth import WeatherTruth
 from advercity.errors import RunError, describe_cause
 from advercity.geometry.arrays import Float64Array
 from advercity.output_files import open_output_folder
-from advercity.sensors.measurements import PointKind
 from advercity.sensors.messages import LossReason
+from advercity.sensors.point_kinds import list_point_kinds
 
 RANGE_M = 200.0
 RANGE_BIN_M = 20.0
@@ -324,7 +324,7 @@ def _tabulate_radars(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
     for weather, group in _by_weather([item for item in facts if item.radars]).items():
         scans = sum(item.num_frames * item.radars for item in group)
         total = np.concatenate([item.radar_detections for item in group]).sum(axis=0)
-        means = {kind.name.lower(): float(total[kind] / scans) for kind in PointKind}
+        means = {name: float(total[kind] / scans) for kind, name in list_point_kinds().items()}
         kinds.append({"weather": weather, **means})
         distance, detections = (
             _concatenate_column(group, name) for name in ("ego_distance_m", "ego_detections")

@@ -1,20 +1,25 @@
 """The weather as datasets state it: quantities that do not depend on how it was written."""
 
 import math
+from collections.abc import Iterator
+from typing import Any
 
 from advercity_dsl import Model, Weather
 from advercity_dsl.base import is_empty
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from advercity.physics.extinction import compute_extinction
+from advercity.physics.weather_parts.part import iterate_parts
 
 
 class WeatherTruth(Model):
     """The weather of a frame in physical quantities.
 
     `mor_m` is the meteorological optical range of haze, fog, precipitation and dust together; None
-    in air that is perfectly clear.
+    in air that is perfectly clear. Parts of other distributions add their own quantities.
     """
+
+    model_config = ConfigDict(extra="allow")
 
     id: str
     time: str
@@ -39,8 +44,6 @@ class WeatherTruth(Model):
             id=weather.id,
             time=weather.time,
             mor_m=round(mor_m, 6) if math.isfinite(mor_m) else None,
-            rain_mm_h=weather.rain.rate_mm_h,
-            snow_mm_h=weather.snow.rate_mm_h,
             wind_m_s=weather.wind.speed_m_s,
             wind_from_deg=weather.wind.from_deg,
             sun_elevation_deg=weather.sun.elevation_deg,
@@ -48,6 +51,12 @@ class WeatherTruth(Model):
             wetness=weather.surface.wetness,
             puddle_coverage=weather.surface.puddle_coverage,
             temperature_c=weather.temperature_c,
-            hail_mm_h=weather.hail.rate_mm_h,
             ice_mm=weather.surface.ice_mm,
+            **dict(_list_quantities(weather)),
         )
+
+
+def _list_quantities(weather: Weather) -> Iterator[tuple[str, Any]]:
+    """List the quantities of the parts of a weather, by name."""
+    for physics, part in iterate_parts(weather):
+        yield from physics.list_quantities(part).items()

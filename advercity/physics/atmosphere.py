@@ -20,11 +20,7 @@ from advercity.physics.extinction import AirExtinction, compute_extinction, exti
 from advercity.physics.fog_transfer import FogBank, compute_fog_radiance
 from advercity.physics.moonlight import compute_moonlight
 from advercity.physics.photometry import LED_COLOUR, Colour
-from advercity.physics.precipitation import (
-    ParticleSizeDistribution,
-    is_precipitating,
-    size_distributions,
-)
+from advercity.physics.precipitation import is_precipitating
 from advercity.physics.sky import Daylight, daylight_for_weather, derive_daylight, sun_colour
 from advercity.physics.water import compute_ice_cover
 
@@ -56,8 +52,6 @@ class Atmosphere:
         road_snow_cover: Fraction of the carriageway under snow.
         rut_snow_cover: Fraction of its wheel ruts under snow.
         water_film_mm: Depth of the water film on the road, which wheels throw up as spray.
-        precipitation: Size distributions of falling rain and snow.
-        snow_fall_speed_m_s: Terminal speed of the flakes.
         wind: Wind at 10 m height.
         clouds: Clouds by day, which images show; `sky` is the mean over all skies of their cover.
         cloud_contrast: Fraction of their contrast that mist in front of them leaves.
@@ -80,8 +74,6 @@ class Atmosphere:
     road_snow_cover: float = 0.0
     rut_snow_cover: float = 0.0
     water_film_mm: float = 0.0
-    precipitation: tuple[ParticleSizeDistribution, ...] = ()
-    snow_fall_speed_m_s: float = 1.0
     wind: Wind = field(default_factory=Wind)
     clouds: CloudLayer | None = None
     cloud_contrast: float = 1.0
@@ -204,8 +196,6 @@ def _list_air_and_ground(weather: Weather) -> dict[str, Any]:
         "road_snow_cover": weather.snow.road_coverage,
         "rut_snow_cover": weather.snow.rut_coverage,
         "water_film_mm": weather.surface.film_mm,
-        "precipitation": size_distributions(weather),
-        "snow_fall_speed_m_s": weather.snow.fall_speed_m_s,
         "wind": weather.wind,
     }
 
@@ -255,7 +245,7 @@ def compute_fog_light_fraction(extinction: AirExtinction) -> float:
     to their extinction.
     """
     thick, thin = (extinction_from_mor(mor_m) for mor_m in (FOG_BELOW_M, MIST_BELOW_M))
-    by_both = extinction.fog.at_550nm + extinction.dust.at_550nm
+    by_both = extinction["fog"].at_550nm + extinction["dust"].at_550nm
     return min(1.0, max(0.0, (by_both - thin) / (thick - thin)))
 
 
@@ -311,7 +301,7 @@ def _compute_foggy_light(
     directions = photometry.cubemap_directions(SKY_SIZE)
     relative = shape(directions)[..., None] * _WHITE
     scale = above.diffuse_lx / photometry.horizontal_illuminance(relative)
-    fog, dust = extinction.fog.at_550nm, extinction.dust.at_550nm
+    fog, dust = extinction["fog"].at_550nm, extinction["dust"].at_550nm
     depth = fog * weather.fog.depth_m + dust * DUST_LAYER_M
     rays = photometry.cubemap_directions(sky.AIRLIGHT_CUBEMAP_SIZE)
 
@@ -373,5 +363,5 @@ def _compute_night_light(
 def _absorbed_fraction(weather: Weather, extinction: AirExtinction) -> Float64Array:
     """Compute the fraction (3,) of the light that the air meets which its dust absorbs."""
     total = extinction.at_550nm
-    by_dust = extinction.dust.at_550nm / total if total else 0.0
+    by_dust = extinction["dust"].at_550nm / total if total else 0.0
     return by_dust * (1.0 - np.asarray(weather.dust.ssa_rgb))

@@ -16,8 +16,8 @@ from scipy.special import spherical_jn, spherical_yn
 
 from advercity.geometry.arrays import Float64Array, FloatArray
 from advercity.physics.clouds import choose_cloud_kind
-from advercity.physics.extinction import AirExtinction, kim_wavelength_factor, mor_from_extinction
-from advercity.physics.precipitation import is_precipitating
+from advercity.physics.extinction import AirExtinction
+from advercity.physics.weather_parts.part import Suspension
 
 BAND_UM = 8.0, 14.0
 ZERO_CELSIUS_K = 273.15
@@ -40,9 +40,6 @@ WATER_INDEX = np.array(
     ]
 )
 """Refractive index of water at `WATER_UM`."""
-HAZE_UM = 10.0
-DUST_FACTOR = 0.4
-"""Extinction of mineral dust relative to 550 nm: between 0.3 and 0.6 for grains of 1 to 2 um."""
 DRY_GAS_PER_KM, VAPOUR_PER_KM = 0.06, 0.023
 """Extinction by carbon dioxide and the like, and for each g/m³ of vapour: an assumption that leaves
 0.82 of a kilometre at 6 g/m³ and 0.68 at 14, about as much as models of the atmosphere do."""
@@ -151,18 +148,14 @@ class InfraredAir:
     @staticmethod
     def from_weather(weather: Weather, extinction: AirExtinction) -> "InfraredAir":
         """Derive the air of a weather with an extinction."""
-        temperature_c, fog = weather.temperature_c, weather.fog
-        is_wet = extinction.fog.at_550nm > 0 or is_precipitating(weather)
+        temperature_c, precipitation = weather.temperature_c, extinction.precipitation
+        is_wet = extinction.water_g_m3 > 0 or bool(precipitation)
         vapour = vapour_g_m3(temperature_c, 1.0 if is_wet else DRY_HUMIDITY)
-        _, base_m, _ = choose_cloud_kind(weather.sky.oktas, precipitating=is_precipitating(weather))
-        falling = extinction.rain + extinction.snow + extinction.hail
-        haze = extinction.haze.at_550nm
-        layers = (
-            (haze * _haze_factor(haze), VAPOUR_DEPTH_M),
-            (extinction.fog.at_550nm * droplet_factor(fog.droplet_um), fog.depth_m),
-            (falling.at_550nm, base_m),
-            (extinction.dust.at_550nm * DUST_FACTOR, VAPOUR_DEPTH_M),
-        )
+        _, base_m, _ = choose_cloud_kind(weather.sky.oktas, precipitating=bool(precipitation))
+        layers = [
+            *((_compute_extinction(part), part.infrared_depth_m) for part in extinction.suspended),
+            *((part.extinction_per_m, base_m) for part in precipitation),
+        ]
         drops_per_m = sum(layer for layer, _ in layers)
         optical_depth = sum(layer * depth for layer, depth in layers)
         return InfraredAir(
@@ -213,8 +206,7 @@ class InfraredAir:
         return max(0.0, left * (1.0 - emissivity)) * STEFAN_BOLTZMANN * self.air_k**4
 
 
-def _haze_factor(haze_per_m: float) -> float:
-    """Compute the extinction of haze relative to 550 nm, by Kim's law beyond its wavelengths."""
-    if not haze_per_m:
-        return 0.0
-    return kim_wavelength_factor(mor_from_extinction(haze_per_m), wavelength_nm=1000.0 * HAZE_UM)
+def _compute_extinction(part: Suspension) -> float:
+    """Compute the extinction of floating particles from 8 to 14 um, 1/m."""
+    factor = droplet_factor(part.droplet_um) if part.droplet_um else part.infrared_factor
+    return part.extinction.at_550nm * factor

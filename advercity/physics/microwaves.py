@@ -13,20 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float64Array
-from advercity.physics.precipitation import ParticleSizeDistribution
+from advercity.physics.weather_parts.part import ParticleSizeDistribution
 
 SPEED_OF_LIGHT_M_S = 299_792_458.0
 FREQUENCY_HZ = 77e9
 WAVELENGTH_M = SPEED_OF_LIGHT_M_S / FREQUENCY_HZ
 DECIBELS_PER_NEPER = 10.0 / math.log(10.0)
-WATER_DENSITY_G_M3 = 1e6
 ICE_PERMITTIVITY = 3.18 + 0.006j
 """Of ice at -5 deg C and 77 GHz (Matzler, Thermal Microwave Radiation, IET 2006, chapter 5)."""
-ICE_DENSITY_G_CM3 = 0.917
-WET_SNOW_DENSITY_G_CM3 = 0.2
-"""Density from which flakes are taken as wet; this and the next are assumptions."""
-WET_SNOW_WATER_FRACTION = 0.1
-"""Fraction of the volume of a wet flake's ice that has melted."""
 ComplexArray = NDArray[np.complexfloating]
 _NUM_DIAMETERS = 200
 _SMALLEST_MM = 0.02
@@ -54,14 +48,9 @@ def fog_attenuation_db_km(water_g_m3: float, frequency_ghz: float = FREQUENCY_HZ
     return 0.819 * frequency_ghz / (epsilon.imag * (1.0 + ratio**2)) * water_g_m3
 
 
-def fog_water_g_m3(extinction_per_m: float, droplet_um: float) -> float:
-    """Compute the water of droplets of an effective diameter from their extinction of light."""
-    return extinction_per_m * droplet_um * 1e-6 / 3.0 * WATER_DENSITY_G_M3
-
-
 @dataclass(frozen=True)
 class PrecipitationEcho:
-    """What rain, snow or hail does to waves of 77 GHz.
+    """Effect of precipitation on waves of 77 GHz.
 
     Attributes:
         backscatter_per_m: Backscatter cross-section of a volume, m² per m³.
@@ -73,19 +62,15 @@ class PrecipitationEcho:
 
 
 @lru_cache(maxsize=32)
-def compute_echo(sizes: ParticleSizeDistribution, rate_mm_h: float = 0.0) -> PrecipitationEcho:
-    """Compute the echo of particles; rain of a given rate is attenuated as ITU-R has it."""
+def compute_echo(sizes: ParticleSizeDistribution, permittivity: complex) -> PrecipitationEcho:
+    """Compute the echo of particles of a relative permittivity."""
     melted_mm = np.linspace(_SMALLEST_MM, sizes.max_melted_mm, _NUM_DIAMETERS)
     diameter_m = melted_mm * sizes.air_to_melted_diameter * 1e-3
-    index = np.sqrt(_choose_permittivity(sizes))
+    index = np.sqrt(permittivity)
     extinction, back = mie_efficiencies(np.pi * diameter_m / WAVELENGTH_M, index)
     per_m3 = sizes.intercept * np.exp(-sizes.slope_per_mm * melted_mm)
     area_m2 = np.pi / 4.0 * diameter_m**2 * per_m3
     attenuation = DECIBELS_PER_NEPER * 1e3 * float(np.trapezoid(area_m2 * extinction, melted_mm))
-    if sizes.kind == "rain" and rate_mm_h:
-        attenuation = rain_attenuation_db_km(
-            rate_mm_h, FREQUENCY_HZ / 1e9, polarisation="horizontal"
-        )
     return PrecipitationEcho(float(np.trapezoid(area_m2 * back, melted_mm)), attenuation)
 
 
@@ -199,20 +184,7 @@ def _log_derivatives(argument: ComplexArray, orders: int) -> list[ComplexArray]:
     return found
 
 
-def _choose_permittivity(sizes: ParticleSizeDistribution) -> complex:
-    """Choose the permittivity of drops, stones, or flakes by how much ice and water is in them."""
-    if sizes.kind == "rain":
-        return water_permittivity()
-    density = min(sizes.air_to_melted_diameter**-3.0, ICE_DENSITY_G_CM3)
-    inclusion = ICE_PERMITTIVITY
-    if sizes.kind == "snow" and density >= WET_SNOW_DENSITY_G_CM3:
-        inclusion = _mix(ICE_PERMITTIVITY, water_permittivity(), WET_SNOW_WATER_FRACTION)
-    if sizes.kind == "hail":
-        return inclusion
-    return _mix(1.0 + 0j, inclusion, density / ICE_DENSITY_G_CM3)
-
-
-def _mix(host: complex, inclusion: complex, fraction: float) -> complex:
+def mix_permittivities(host: complex, inclusion: complex, fraction: float) -> complex:
     """Mix two materials (Maxwell Garnett)."""
     contrast = fraction * (inclusion - host) / (inclusion + 2.0 * host)
     return host * (1.0 + 2.0 * contrast) / (1.0 - contrast)

@@ -29,11 +29,10 @@ from advercity.physics.extinction import compute_extinction
 from advercity.physics.gusts import Gusts
 from advercity.physics.precipitation import (
     CAMERA_HEIGHT_M,
-    ParticleSizeDistribution,
     is_precipitating,
-    size_distributions,
     wind_at_height,
 )
+from advercity.physics.weather_parts.part import Precipitation
 
 LIGHT_TOLERANCE = 0.05
 """Relative change of light, or change of a fraction, at which light is made again."""
@@ -107,13 +106,13 @@ class WeatherTimeline:
                 self._light_frames.append(self._walked_to)
         return max(made for made in self._light_frames if made <= frame)
 
-    def list_sizes(self) -> list[ParticleSizeDistribution]:
-        """List size distributions of what falls, from all of the time that the weather changes."""
+    def list_precipitation(self) -> list[Precipitation]:
+        """List the precipitation of all of the time that the weather changes."""
         times_s = [0.0, *(keyframe.at_s for keyframe in self._weather.keyframes)]
         moments = [*np.linspace(0.0, 1.0, MOMENTS_PER_KEYFRAME, endpoint=False)]
         between = [a + (b - a) * part for a, b in pairwise(times_s) for part in moments]
         weathers = [self._weather.at(float(time_s)) for time_s in (*between, times_s[-1])]
-        return [sizes for weather in weathers for sizes in size_distributions(weather)]
+        return [part for weather in weathers for part in compute_extinction(weather).precipitation]
 
     def compute_air_path_m(self, frame: int) -> Float64Array:
         """Compute the path (3,) of the air at the height of cameras and of flakes since frame 0.
@@ -151,7 +150,7 @@ def _describe_light(weather: Weather) -> list[float]:
     """Describe the light by numbers whose differences can be compared: logarithms and fractions."""
     light, night = sky.daylight_for_weather(weather), weather.night
     air = compute_extinction(weather)
-    fog_depth = air.fog.at_550nm * weather.fog.depth_m
+    fog_depth = air["fog"].at_550nm * weather.fog.depth_m
     by_lamps = (night.glow_cd_m2, night.street_lx) if weather.time == "night" else ()
     return [
         math.log(light.diffuse_lx + 1e-3),
@@ -161,7 +160,7 @@ def _describe_light(weather: Weather) -> list[float]:
         math.exp(-fog_depth),
         compute_fog_light_fraction(air),
         math.log(2.0 + 0.13 * fog_depth),
-        math.log1p(air.dust.at_550nm * DUST_LAYER_M),
+        math.log1p(air["dust"].at_550nm * DUST_LAYER_M),
         sky.ground_albedo(weather.snow.depth_mm / 1000.0),
         math.exp(-air.at_550nm * NIGHT_PATH_M) if weather.time == "night" else 0.0,
         *(math.log(value + 1e-4) for pair in by_lamps for value in (pair.urban, pair.rural)),

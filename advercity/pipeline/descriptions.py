@@ -162,13 +162,9 @@ def _format_title(declaration: Declaration) -> str:
 
 
 def _describe_visibility(air: AirExtinction) -> str:
-    """Format the visibility and what each component alone would leave of it."""
-    parts = {"air": air.haze, "fog": air.fog, "dust": air.dust}
-    parts |= {"rain": air.rain, "snow": air.snow, "hail": air.hail}
+    """Format the visibility, and the visibility that each part alone would leave."""
     alone = [
-        f"{name} {mor_from_extinction(part.at_550nm):.0f} m"
-        for name, part in parts.items()
-        if part.at_550nm
+        f"{part.name} {mor_from_extinction(part.extinction.at_550nm):.0f} m" for part in air.parts
     ]
     if math.isinf(air.mor_m):
         return "unlimited"

@@ -6,13 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 from advercity_dsl import Agent, Spec
-from advercity_dsl.sensor_kind import load_named
+from advercity_dsl.registry import load_named
 from advercity_dsl.sensor_kinds import load_sensor_kinds
 
 from advercity.channel.transmission import Air, V2xChannel
 from advercity.errors import InputError
 from advercity.geometry.arrays import Uint8Array
-from advercity.physics.microwaves import fog_water_g_m3
 from advercity.pipeline.preparation import PreparedScenario
 from advercity.rendering.backend import CameraCapture, Renderer
 from advercity.sensors.camera.driver import CameraDriver
@@ -94,9 +93,8 @@ class SensorRig:
         if self._channel is None:
             return tuple(sensor_frames)
         atmosphere = self._stage.atmosphere
-        fog = self._poses.timeline.weather_at(sensor_frames[0].frame.index).fog
-        water_g_m3 = fog_water_g_m3(atmosphere.extinction.fog.at_550nm, fog.droplet_um)
-        sent = self._channel.send(sensor_frames, Air(atmosphere.rain_mm_h, water_g_m3))
+        air = Air(atmosphere.rain_mm_h, atmosphere.extinction.water_g_m3)
+        sent = self._channel.send(sensor_frames, air)
         return tuple(replace(item, sent=sent[item.agent.id]) for item in sensor_frames)
 
 

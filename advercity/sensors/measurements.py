@@ -120,7 +120,10 @@ class CanSample:
 
 
 class PointKind(IntEnum):
-    """Kind of target that a point's return came from; the values are written to files."""
+    """Kind of target that a point's return came from; the values are written to files.
+
+    Values from 64 on are of weather parts of other distributions.
+    """
 
     SURFACE = 0
     FOG = 1
@@ -135,14 +138,6 @@ class PointKind(IntEnum):
     """Noise of a radar's receiver that passed for a target."""
     STRAY = 9
     """Light of a bright target in a LiDAR's beam beside it: blooming."""
-
-
-PARTICLE_POINT_KIND = {
-    "rain": PointKind.RAIN,
-    "snow": PointKind.SNOW,
-    "hail": PointKind.HAIL,
-}
-"""Kind of the points of what falls, by the kind of its size distribution."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,25 +2,29 @@
 
 import cv2
 import numpy as np
+from advercity_dsl.weather_parts import load_weather_parts
 from numpy.typing import NDArray
 
 from advercity.run_options import CloudColour
 from advercity.semantics import PALETTE
 from advercity.sensors.measurements import PointCloud, PointKind
+from advercity.sensors.point_kinds import find_point_kind
 
-KIND_COLOURS = {
+KIND_COLOURS: dict[int, tuple[int, int, int]] = {
     PointKind.SURFACE: (150, 150, 150),
-    PointKind.FOG: (90, 170, 255),
-    PointKind.RAIN: (60, 90, 255),
-    PointKind.SNOW: (255, 255, 255),
-    PointKind.HAIL: (190, 255, 255),
-    PointKind.DUST: (222, 170, 90),
     PointKind.SPRAY: (90, 230, 210),
     PointKind.GHOST: (255, 80, 200),
     PointKind.NOISE: (110, 110, 70),
     PointKind.STRAY: (255, 140, 60),
+    **{
+        find_point_kind(name): part.colour
+        for name, part in load_weather_parts().found.items()
+        if part.colour is not None
+    },
 }
-_KIND_COLOUR_TABLE = np.array([KIND_COLOURS[kind] for kind in PointKind], np.uint8)
+"""Colours of the points of each kind; those of weather are in the records of its parts."""
+KIND_COLOUR_TABLE = np.zeros((256, 3), np.uint8)
+KIND_COLOUR_TABLE[list(KIND_COLOURS)] = list(KIND_COLOURS.values())
 
 
 def colour_points(cloud: PointCloud, cloud_colour: CloudColour) -> NDArray[np.uint8]:
@@ -28,7 +32,7 @@ def colour_points(cloud: PointCloud, cloud_colour: CloudColour) -> NDArray[np.ui
     if cloud_colour == "class":
         return PALETTE[cloud.semantic]
     if cloud_colour == "kind":
-        return _KIND_COLOUR_TABLE[cloud.kind]
+        return KIND_COLOUR_TABLE[cloud.kind]
     return colour_intensities(cloud.intensity)
 
 

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 
 import rerun as rr
 from advercity_dsl import Spec
-from advercity_dsl.sensor_kind import load_named
+from advercity_dsl.registry import load_named
 from advercity_dsl.sensor_kinds import load_sensor_kinds
 
 from advercity.conflicts.events import ConflictEvent

@@ -6,7 +6,7 @@ centre of the vehicle). A positive pitch looks down, a positive yaw left.
 
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, NamedTuple, Self, TypeVar
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, model_validator
 
 from advercity_dsl.base import (
     ByName,
@@ -23,6 +23,7 @@ from advercity_dsl.lidar import Lidar
 from advercity_dsl.mount import Mount
 from advercity_dsl.positioning import Gnss
 from advercity_dsl.radar import Radar
+from advercity_dsl.registry import add_fields
 from advercity_dsl.sampling import Sampled
 from advercity_dsl.sensor_kinds import load_sensor_kinds
 from advercity_dsl.thermal import ThermalCamera
@@ -108,20 +109,15 @@ class SensorSet(Model):
 
 
 if not TYPE_CHECKING:
-    # Fields of kinds from other distributions; without any, the class as it is.
-    _others = {
-        kind.name: (kind.model | None, Field(None, exclude_if=is_none, description=kind.title))
-        for kind in load_sensor_kinds().found.values()
-        if kind.name not in SensorSet.model_fields
-    }
-    if _others:
-        SensorSet = create_model(
-            "SensorSet",
-            __base__=SensorSet,
-            __doc__=SensorSet.__doc__,
-            __module__=__name__,
-            **_others,
-        )
+    # Fields of kinds from other distributions.
+    SensorSet = add_fields(
+        SensorSet,
+        {
+            kind.name: (kind.model | None, Field(None, exclude_if=is_none, description=kind.title))
+            for kind in load_sensor_kinds().found.values()
+            if kind.name not in SensorSet.model_fields
+        },
+    )
 
 
 class Rig(Declaration):

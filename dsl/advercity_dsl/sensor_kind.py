@@ -5,9 +5,7 @@ rigs load the record before the rest of the language.
 """
 
 from dataclasses import dataclass
-from functools import cache
-from importlib import import_module
-from typing import Any, Literal
+from typing import Literal
 
 from advercity_dsl.sampling import Sampled
 
@@ -43,10 +41,3 @@ class SensorKind:
     def has_place(self) -> bool:
         """Whether each of its sensors has a mount, and measures at most once a frame."""
         return self.placing != "body"
-
-
-@cache
-def load_named(reference: str) -> Any:
-    """Load the attribute of a module, `module:attribute`."""
-    module, _, attribute = reference.partition(":")
-    return getattr(import_module(module), attribute)

@@ -1,7 +1,7 @@
 """Weather as physical components whose extinctions add up, and how it changes."""
 
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import (
     Field,
@@ -28,6 +28,7 @@ from advercity_dsl.keyframes import (
     iterate_written_values,
     replace_value,
 )
+from advercity_dsl.registry import add_fields
 from advercity_dsl.units import (
     Celsius,
     Flag,
@@ -52,6 +53,7 @@ from advercity_dsl.weather_components import (
     SurfaceWater,
     Wind,
 )
+from advercity_dsl.weather_parts import list_fields_of_others, load_weather_parts
 
 LAMPS_ON_BELOW_DEG = -3.0
 """Elevation of a moving sun below which lamps light the scene: the sky leaves some 50 lx, at which
@@ -107,6 +109,10 @@ class Keyframe(Model):
     @model_serializer(mode="wrap")
     def _serialize_written_values(self, serialise: SerializerFunctionWrapHandler) -> dict[str, Any]:
         return _select_written(self, serialise(self))
+
+
+if not TYPE_CHECKING:
+    Keyframe = add_fields(Keyframe, list_fields_of_others())
 
 
 def _select_written(model: Model, data: dict[str, Any]) -> dict[str, Any]:
@@ -224,28 +230,8 @@ class Weather(Declaration):
         return self
 
     def _check_components(self) -> None:
-        fog, air, snow = self.fog.mor_m, self.air.mor_m, self.snow
-        if fog is not None and air is not None and fog > air:
-            raise InvalidCombination(
-                ("fog", "mor_m"),
-                f"fog of {fog:g} m is clearer than the air's {air:g} m (air.mor_m)",
-                "lower it, or remove the fog",
-                other_path=("air", "mor_m"),
-            )
-        if snow.rut_coverage > snow.road_coverage:
-            raise InvalidCombination(
-                ("snow", "rut_coverage"),
-                f"{snow.rut_coverage:g} is more than road_coverage, {snow.road_coverage:g}",
-                "wheels clear the ruts; give the same or less",
-            )
-        if snow.rate_mm_h > 0 and self.temperature_c > 3:
-            raise InvalidCombination(
-                ("temperature_c",),
-                f"it snows at {self.temperature_c:g} degC",
-                "snow needs a temperature_c of 3 or less",
-                other_path=("snow", "rate_mm_h"),
-            )
-
+        for name in load_weather_parts().found:
+            getattr(self, name).check_with(self)
         if self.surface.ice_mm > 0 and self.temperature_c > 3:
             raise InvalidCombination(
                 ("temperature_c",),
@@ -312,6 +298,10 @@ class Weather(Declaration):
                 "write a positive elevation by day, e.g. 30 deg, a negative one at night",
                 other_path=("time",),
             )
+
+
+if not TYPE_CHECKING:
+    Weather = add_fields(Weather, list_fields_of_others())
 
 
 def _interpolate_arc(

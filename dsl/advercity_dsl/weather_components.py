@@ -56,14 +56,25 @@ Visibility = Annotated[
 Direction = Annotated[Degrees, Field(ge=-360, le=360)]
 
 
-class Air(Model):
+class WeatherComponent(Model):
+    """A part of the weather, which is absent where all its values are defaults."""
+
+    def check_with(self, weather: Any) -> None:
+        """Check the part against its `Weather`.
+
+        Raises:
+            InvalidCombination: They contradict each other.
+        """
+
+
+class Air(WeatherComponent):
     """Clear air and haze."""
 
     mor_m: Visibility = 20_000
     """Visibility (5 % contrast) by clear air and haze alone; `null` is no extinction."""
 
 
-class Fog(Model):
+class Fog(WeatherComponent):
     """Water droplets in the air."""
 
     mor_m: Visibility = None
@@ -77,8 +88,19 @@ class Fog(Model):
     depth_m: Annotated[Metres, Field(ge=1, le=2000)] = 100
     """Height of the fog bank, which determines the transmitted daylight."""
 
+    def check_with(self, weather: Any) -> None:
+        """Check that it is thicker than the air without it."""
+        air_m = weather.air.mor_m
+        if self.mor_m is not None and air_m is not None and self.mor_m > air_m:
+            raise InvalidCombination(
+                ("fog", "mor_m"),
+                f"fog of {self.mor_m:g} m is clearer than the air's {air_m:g} m (air.mor_m)",
+                "lower it, or remove the fog",
+                other_path=("air", "mor_m"),
+            )
 
-class Rain(Model):
+
+class Rain(WeatherComponent):
     """Falling rain."""
 
     rate_mm_h: Annotated[
@@ -93,7 +115,7 @@ class Rain(Model):
     """Extinction efficiency of a drop: 2 in the geometric limit."""
 
 
-class Snow(Model):
+class Snow(WeatherComponent):
     """Falling and lying snow."""
 
     rate_mm_h: Annotated[
@@ -117,8 +139,24 @@ class Snow(Model):
     rut_coverage: Fraction = 0
     """Fraction of the wheel ruts covered by snow; traffic keeps them clearer than the rest."""
 
+    def check_with(self, weather: Any) -> None:
+        """Check that it falls in the cold, and lies in ruts at most as on the rest of the road."""
+        if self.rut_coverage > self.road_coverage:
+            raise InvalidCombination(
+                ("snow", "rut_coverage"),
+                f"{self.rut_coverage:g} is more than road_coverage, {self.road_coverage:g}",
+                "wheels clear the ruts; give the same or less",
+            )
+        if self.rate_mm_h > 0 and weather.temperature_c > 3:
+            raise InvalidCombination(
+                ("temperature_c",),
+                f"it snows at {weather.temperature_c:g} degC",
+                "snow needs a temperature_c of 3 or less",
+                other_path=("snow", "rate_mm_h"),
+            )
 
-class Hail(Model):
+
+class Hail(WeatherComponent):
     """Falling hailstones; where they lie, they look like snow and are written as such."""
 
     rate_mm_h: Annotated[
@@ -136,7 +174,7 @@ class Hail(Model):
 NO_HAIL = Hail()
 
 
-class Dust(Model):
+class Dust(WeatherComponent):
     """Airborne dust."""
 
     mor_m: Visibility = None

@@ -34,7 +34,8 @@ def test_extinctions_of_fog_and_rain_add_up() -> None:
     [(0, 0.0), (1, 3.65e-4), (10, 1.556e-3), (50, 4.288e-3), (100, 6.636e-3)],
 )
 def test_extinction_of_rain_follows_its_table(rate_mm_h: float, expected: float) -> None:
-    assert extinction.rain_extinction(rate_mm_h) == pytest.approx(expected, rel=0.005)
+    rain = extinction.compute_extinction(weather(rain={"rate_mm_h": rate_mm_h}))["rain"]
+    assert rain.at_550nm == pytest.approx(expected, rel=0.005)
 
 
 @pytest.mark.parametrize(
@@ -42,7 +43,9 @@ def test_extinction_of_rain_follows_its_table(rate_mm_h: float, expected: float)
     [(0, 0.0), (0.5, 2.25e-3), (1, 3.34e-3), (2.5, 5.63e-3), (4, 7.37e-3)],
 )
 def test_extinction_of_snow_follows_its_table(rate_mm_h: float, expected: float) -> None:
-    assert extinction.snow_extinction(rate_mm_h) == pytest.approx(expected, rel=0.005)
+    snowing = weather(snow={"rate_mm_h": rate_mm_h}, temperature_c=-3)
+    snow = extinction.compute_extinction(snowing)["snow"]
+    assert snow.at_550nm == pytest.approx(expected, rel=0.005)
 
 
 @pytest.mark.parametrize(

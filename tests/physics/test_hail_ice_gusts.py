@@ -5,16 +5,14 @@ import math
 import numpy as np
 import pytest
 from advercity_dsl import Lidar, Weather
+from advercity_dsl.weather_components import Hail
 
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.physics.extinction import compute_extinction
-from advercity.physics.precipitation import (
-    hail_size_distribution,
-    hail_terminal_speed_m_s,
-    size_distributions,
-)
 from advercity.physics.stopping import DEFAULT_GRIP, friction_coefficient
 from advercity.physics.timeline import WeatherTimeline
+from advercity.physics.weather_parts.hail import compute_speed_m_s, find_stones
+from advercity.physics.weather_parts.part import Precipitation
 from advercity.physics.weather_text import format_weather
 from advercity.sensors.lidar import derive_lidar_conditions
 from advercity.sensors.lidar.beams import BeamShape
@@ -26,9 +24,15 @@ def build_weather(**values: object) -> Weather:
     return Weather.model_validate({"kind": "weather", "id": "mine", "time": "day"} | values)
 
 
+def stones_of(rate_mm_h: float, largest_mm: float) -> Precipitation:
+    stones = find_stones(Hail(rate_mm_h=rate_mm_h, largest_mm=largest_mm))
+    assert stones is not None
+    return stones
+
+
 def test_hail_of_10_mm_h_has_the_sizes_of_cheng_and_english():
     # Rates are 4.96 L^-1.17 mm/h: of 10 mm/h the slope is 0.55/mm, and 115 x 0.55^3.63 is 13.1.
-    sizes = hail_size_distribution(10, 40)
+    sizes = stones_of(10, 40).sizes
 
     assert sizes.slope_per_mm == pytest.approx(0.5496, abs=1e-3)
     assert sizes.intercept == pytest.approx(13.09, abs=0.05)
@@ -36,33 +40,33 @@ def test_hail_of_10_mm_h_has_the_sizes_of_cheng_and_english():
 
 
 def test_the_stones_that_fall_melt_to_the_rate():
-    sizes = hail_size_distribution(25, 60)
+    sizes = stones_of(25, 60).sizes
     diameter_mm = np.linspace(0, 60, 6001)
     number = sizes.intercept * np.exp(-sizes.slope_per_mm * diameter_mm)
-    volume_mm3 = math.pi / 6 * diameter_mm**3 * 0.9 * hail_terminal_speed_m_s(diameter_mm)
+    volume_mm3 = math.pi / 6 * diameter_mm**3 * 0.9 * compute_speed_m_s(diameter_mm)
 
     # 1 mm³ per m² and second is 3.6e-3 mm an hour.
     rate = 3.6e-3 * np.trapezoid(number * volume_mm3, diameter_mm)
     assert rate == pytest.approx(25, rel=0.01)
-    assert hail_terminal_speed_m_s(10.0) == pytest.approx(9)
+    assert compute_speed_m_s(10.0) == pytest.approx(9)
 
 
 def test_hail_adds_to_rain():
     both = build_weather(rain={"rate_mm_h": 20}, hail={"rate_mm_h": 10})
     air = compute_extinction(both)
 
-    assert [sizes.kind for sizes in size_distributions(both)] == ["rain", "hail"]
+    assert [part.name for part in air.precipitation] == ["rain", "hail"]
     # pi 13.09e-6 / 0.5496^3
-    assert air.hail.at_550nm == pytest.approx(2.478e-4, rel=0.01)
+    assert air["hail"].at_550nm == pytest.approx(2.478e-4, rel=0.01)
     assert air.total.at_905nm == pytest.approx(
-        air.haze.at_905nm + air.rain.at_905nm + air.hail.at_905nm
+        sum(air[name].at_905nm for name in ("air", "rain", "hail"))
     )
 
 
 def test_a_lidar_detects_smaller_stones_than_drops():
     # In rain of 50 mm/h at 10 m a drop needs 8.1 mm (weather reference, 7.6); a stone reflects six
     # times as much.
-    stones = hail_size_distribution(25, 40)
+    stones = stones_of(25, 40)
     lidar = Lidar()
     (least_mm,) = min_detectable_diameter_mm(
         np.array([10.0]),

@@ -2,18 +2,27 @@
 
 import numpy as np
 import pytest
+from advercity_dsl.weather_components import Fog, Rain, Snow
 
 from advercity.physics.microwaves import (
     Polarisation,
+    PrecipitationEcho,
     compute_echo,
     fog_attenuation_db_km,
-    fog_water_g_m3,
     mie_efficiencies,
     rain_attenuation_db_km,
     rain_coefficients,
     water_permittivity,
 )
-from advercity.physics.precipitation import rain_size_distribution, snow_size_distribution
+from advercity.physics.weather_parts.fog import find_droplets
+from advercity.physics.weather_parts.part import Precipitation
+from advercity.physics.weather_parts.rain import find_drops
+from advercity.physics.weather_parts.snow import find_flakes
+
+
+def echo_of(falling: Precipitation | None) -> PrecipitationEcho:
+    assert falling is not None
+    return compute_echo(falling.sizes, falling.permittivity)
 
 
 @pytest.mark.parametrize(
@@ -23,8 +32,10 @@ from advercity.physics.precipitation import rain_size_distribution, snow_size_di
 def test_rain_attenuates_and_scatters_as_tabulated(
     rate_mm_h: float, attenuation_db_km: float, backscatter_per_m: float
 ) -> None:
-    echo = compute_echo(rain_size_distribution(rate_mm_h), rate_mm_h)
-    assert echo.attenuation_db_km == pytest.approx(attenuation_db_km, abs=0.06)
+    rain = find_drops(Rain(rate_mm_h=rate_mm_h))
+    assert rain is not None
+    echo = echo_of(rain)
+    assert rain.attenuation_db_km == pytest.approx(attenuation_db_km, abs=0.06)
     assert echo.backscatter_per_m == pytest.approx(backscatter_per_m, rel=0.05)
 
 
@@ -56,22 +67,26 @@ def test_rain_and_fog_cost_a_v2x_link_a_fraction_of_a_decibel_per_km() -> None:
 def test_the_drops_of_mie_attenuate_within_a_third_of_what_itu_has() -> None:
     # Marshall and Palmer have more small drops than the rain that the recommendation was fitted to.
     for rate in (4, 50):
-        by_drops = compute_echo(rain_size_distribution(rate)).attenuation_db_km
+        by_drops = echo_of(find_drops(Rain(rate_mm_h=rate))).attenuation_db_km
         itu = rain_attenuation_db_km(rate, 77.0, polarisation="horizontal")
         assert by_drops == pytest.approx(itu, rel=0.35)
 
 
 def test_a_fog_of_63_m_costs_a_tenth_of_a_decibel_per_100_m_both_ways() -> None:
     assert fog_attenuation_db_km(1.0) == pytest.approx(3.0, abs=0.2)
-    water = fog_water_g_m3(2.996 / 63.0, 12.0)
+    fog = find_droplets(Fog(mor_m=63, droplet_um=12))
+    assert fog is not None
+    water = fog.water_g_m3
     assert water == pytest.approx(0.19, abs=0.01)
     assert 0.2 * fog_attenuation_db_km(water) == pytest.approx(0.1, abs=0.03)
 
 
 def test_dry_snow_is_nearly_nothing_and_wet_snow_is_more() -> None:
-    dry, wet = (compute_echo(snow_size_distribution(1.5, density)) for density in (0.1, 0.2))
+    dry, wet = (
+        echo_of(find_flakes(Snow(rate_mm_h=1.5, density_g_cm3=density))) for density in (0.1, 0.2)
+    )
     assert dry.attenuation_db_km < 1.0 < wet.attenuation_db_km
-    rain = compute_echo(rain_size_distribution(1.5))
+    rain = echo_of(find_drops(Rain(rate_mm_h=1.5)))
     assert dry.backscatter_per_m < wet.backscatter_per_m < rain.backscatter_per_m
 
 

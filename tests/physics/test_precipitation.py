@@ -7,18 +7,16 @@ import pytest
 from advercity_dsl import Weather
 from advercity_dsl.weather_components import Wind
 
-from advercity.physics.precipitation import (
-    ParticleSizeDistribution,
-    size_distributions,
-    wind_at_height,
-)
+from advercity.physics.extinction import compute_extinction
+from advercity.physics.precipitation import wind_at_height
+from advercity.physics.weather_parts.part import ParticleSizeDistribution
 
 
 def sizes(**parts: Any) -> ParticleSizeDistribution:
     """Of a weather in which one thing falls."""
     said = {"id": "tried", "time": "day", "sun": {"elevation_deg": 60}} | parts
-    (found,) = size_distributions(Weather.model_validate(said))
-    return found
+    (found,) = compute_extinction(Weather.model_validate(said)).precipitation
+    return found.sizes
 
 
 def test_rain_has_the_sizes_of_marshall_and_palmer() -> None:

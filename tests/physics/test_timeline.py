@@ -163,5 +163,6 @@ def test_other_clouds_and_the_lamps_of_vehicles_are_another_light():
 
 def test_what_falls_is_listed_at_eight_moments_between_keyframes():
     rising = build_weather({"at_s": 4, "rain": {"rate_mm_h": 8}}, rain={"rate_mm_h": 0})
-    slopes = [sizes.slope_per_mm for sizes in WeatherTimeline(rising, 0.1).list_sizes()]
+    found = WeatherTimeline(rising, 0.1).list_precipitation()
+    slopes = [part.sizes.slope_per_mm for part in found]
     assert slopes == pytest.approx([4.1 * rate_mm_h**-0.21 for rate_mm_h in range(1, 9)])

@@ -65,7 +65,7 @@ def test_each_frame_has_as_many_drops_as_its_rain(spec: Spec) -> None:
 
     dry, weather = timeline.atmosphere_at(10, spec.road.land_use), timeline.weather_at(10)
     assert not none.blocks
-    assert not derive_lidar_conditions(dry, weather.lens, weather.fog).precipitation
+    assert not derive_lidar_conditions(dry, weather.lens).extinction.precipitation
     # Most is the rain of 40 mm/h that blocks are built for; of drops of 1 mm, 20 mm/h has
     # exp(-4.1 (20^-0.21 - 40^-0.21)) = 0.744 times as many.
     (shown,) = [block.shown for block in some.blocks if block.band.low_mm == pytest.approx(0.9)]

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from advercity.frames import Frame
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
+from advercity.physics.extinction import compute_extinction
 from advercity.physics.lamp_beams import LampPattern, LightSource
 from advercity.physics.precipitation import (
-    drop_terminal_speed_m_s,
-    rain_size_distribution,
     wind_at_height,
 )
+from advercity.physics.weather_parts.rain import compute_speed_m_s
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture, CameraView
 from advercity.rendering.cover import Cover
@@ -132,7 +132,8 @@ def test_bands_of_sizes_follow_each_other_and_hold_all_that_is_large_enough_to_s
     said: str, least_mm: float, widest: float
 ) -> None:
     weather = {"rainy": rainy, "snowy": snowy}[said]()
-    (sizes,) = compute_atmosphere(weather, "urban").precipitation
+    (falling,) = compute_extinction(weather).precipitation
+    sizes = falling.sizes
     blocks = particle_blocks(weather)
     bands = sorted({(block.band.low_mm, block.band.high_mm) for block in blocks})
     assert bands[0][0] == least_mm
@@ -147,9 +148,9 @@ def test_bands_of_sizes_follow_each_other_and_hold_all_that_is_large_enough_to_s
 
 
 def test_a_third_each_of_the_flakes_falls_slower_and_faster_by_three_tenths() -> None:
-    air = compute_atmosphere(snowy(), "urban")
+    (flakes,) = compute_extinction(snowy()).precipitation
     blocks = particle_blocks(snowy())
-    speeds = sorted({round(block.fall_speed_m_s / air.snow_fall_speed_m_s, 6) for block in blocks})
+    speeds = sorted({round(block.fall_speed_m_s / flakes.speed_m_s, 6) for block in blocks})
     assert speeds == [0.7, 1.0, 1.3]
     first = [block for block in blocks if block.band.low_mm == 0.4]
     assert len({block.number_m3 for block in first}) == 1
@@ -175,16 +176,16 @@ def test_as_many_large_drops_fly_as_marshall_and_palmer_counted(
     blocks = particle_blocks(rainy(rate_mm_h))
     diameter_m = np.concatenate([in_box(block, time_s=12.3) for block in blocks])
     assert int((diameter_m > 1e-3).sum()) == pytest.approx(expected, abs=3 * math.sqrt(expected))
-    assert float(
-        rain_size_distribution(rate_mm_h).number_concentration_above(1.0)
-    ) * 100 == pytest.approx(expected, rel=0.003)
+    (drops,) = compute_extinction(rainy(rate_mm_h)).precipitation
+    larger_m3 = float(drops.sizes.number_concentration_above(1.0))
+    assert larger_m3 * 100 == pytest.approx(expected, rel=0.003)
 
 
 @pytest.mark.parametrize(
     ("diameter_mm", "speed_m_s"), [(0.1, 0), (0.5, 2.02), (1, 4.00), (2, 6.55), (5, 9.14)]
 )
 def test_drops_fall_as_fast_as_their_size_lets_them(diameter_mm: float, speed_m_s: float) -> None:
-    assert drop_terminal_speed_m_s(diameter_mm) == pytest.approx(speed_m_s, abs=0.01)
+    assert compute_speed_m_s(diameter_mm) == pytest.approx(speed_m_s, abs=0.01)
 
 
 def of_two_millimetres(said: Weather) -> ParticleBlock:

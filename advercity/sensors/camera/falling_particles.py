@@ -19,29 +19,17 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.constants import GOLDEN_FRACTION
 from advercity.physics.precipitation import (
     CAMERA_HEIGHT_M,
-    ParticleSizeDistribution,
-    drop_terminal_speed_m_s,
-    hail_terminal_speed_m_s,
     wind_at_height,
 )
+from advercity.physics.weather_parts.part import Precipitation, load_all_physics
 from advercity.randomness import create_generator
 
 CELLS_PER_EDGE = 16
 """Cells along each edge of a block."""
 PARTICLES_PER_BLOCK = 2**16
 """Mean number of particles in a block."""
-DROP_BANDS_MM = (*np.arange(0.5, 3.0, 0.2), 3.3, 3.9, 4.8, 6.0)
-FLAKE_BANDS_MM = (0.4, 0.6, 0.8, 1.1, 1.5, 2.0, 3.0, 5.0)
-"""Edges of bands of (melted) diameter. Smaller particles only add to the extinction of the air."""
-STONE_BANDS_MM = (2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0, 22.0, 32.0)
-PARTICLE_KINDS = ("rain", "snow", "hail")
-FLAKE_SPEEDS = (0.7, 1.0, 1.3)
-"""Factors of the fall speed: flakes of one size differ in shape and speed."""
 GUSTINESS = 0.3
 """Standard deviation of the wind that sways flakes, relative to its mean."""
-GLINT_DEVIATION = 1.0
-"""Standard deviation of the logarithm of a drop's brightness relative to the mean of its size:
-drops oscillate while they fall and glitter (Garg and Nayar 2006)."""
 SWAY_HZ = 0.8
 SWAY_CYCLE_RAD = 20.0 * math.pi
 """Phase after which a sway, of three frequencies, repeats."""
@@ -81,34 +69,33 @@ class ParticleBand:
     """A band of sizes and fall speeds.
 
     Attributes:
-        kind: `rain`, `snow` or `hail`.
+        part: The particles, of the moment with the most of them.
         low_mm: Least (melted) diameter.
         high_mm: Largest (melted) diameter.
-        fall: Fall speed: of flakes relative to that of the weather, of all else in m/s.
+        fall: Fall speed relative to the part's `speed_m_s`.
         fraction: Fraction of the particles of these sizes that fall like this.
         key: Random key of the band.
     """
 
-    kind: str
+    part: Precipitation
     low_mm: float
     high_mm: float
     fall: float
     fraction: float
     key: tuple[int | str, ...]
 
-    def number_m3(self, sizes: ParticleSizeDistribution) -> float:
+    def number_m3(self, part: Precipitation) -> float:
         """Compute the mean number of particles per m³."""
-        above = sizes.number_concentration_above
+        above = part.sizes.number_concentration_above
         return self.fraction * float(above(self.low_mm) - above(self.high_mm))
 
-    def velocity(self, air: Atmosphere) -> Float64Array:
+    def velocity(self, part: Precipitation, air: Atmosphere) -> Float64Array:
         """Compute the velocity (3,) of the particles in m/s."""
-        fall_m_s = air.snow_fall_speed_m_s * self.fall if self.kind == "snow" else self.fall
-        return wind_at_height(air.wind, CAMERA_HEIGHT_M) - [0.0, 0.0, fall_m_s]
+        return wind_at_height(air.wind, CAMERA_HEIGHT_M) - [0.0, 0.0, part.speed_m_s * self.fall]
 
     def sway_m(self, air: Atmosphere) -> float:
-        """Compute the amplitude by which gusts sway a flake; all else is too heavy."""
-        if self.kind != "snow":
+        """Compute the amplitude by which gusts sway the particles."""
+        if not self.part.sways:
             return 0.0
         gust = GUSTINESS * float(np.linalg.norm(wind_at_height(air.wind, CAMERA_HEIGHT_M)))
         return gust * math.sqrt(2.0) / (2.0 * math.pi * SWAY_HZ)
@@ -148,8 +135,8 @@ class ParticleBlock:
 
     @property
     def kind(self) -> str:
-        """Kind of the particles."""
-        return self.band.kind
+        """Name of the part of the weather."""
+        return self.band.part.name
 
     @property
     def max_diameter_m(self) -> float:
@@ -213,21 +200,25 @@ class ParticleBlock:
 def build_particle_blocks(
     air: Atmosphere,
     *key: int | str,
-    all_sizes: Sequence[ParticleSizeDistribution] | None = None,
+    all_moments: Sequence[Precipitation] | None = None,
 ) -> tuple[ParticleBlock, ...]:
     """Build the blocks of all drops and flakes large enough to see, the same for the same key.
 
-    `all_sizes` has the distributions of all moments of a weather that changes; each block then has
-    as many particles as ever fall, and `move_blocks` selects from them.
+    `all_moments` has the precipitation of all moments of a weather that changes; each block then
+    has as many particles as ever fall, and `move_blocks` selects from them.
     """
-    found = air.precipitation if all_sizes is None else all_sizes
-    by_kind = {kind: [sizes for sizes in found if sizes.kind == kind] for kind in PARTICLE_KINDS}
-    changes = all_sizes is not None
+    found = air.extinction.precipitation if all_moments is None else all_moments
+    by_name = [[part for part in found if part.name == name] for name in load_all_physics()]
     return tuple(
-        _build_block(band, max(sizes, key=band.number_m3), air, key, changes=changes)
-        for kind, sizes in by_kind.items()
-        if sizes
-        for band in _list_bands(kind, max(item.max_melted_mm for item in sizes))
+        _build_block(
+            replace(band, part=max(parts, key=band.number_m3)),
+            air,
+            key,
+            changes=all_moments is not None,
+        )
+        for parts in by_name
+        if parts
+        for band in _list_bands(max(parts, key=lambda part: part.sizes.max_melted_mm))
     )
 
 
@@ -242,68 +233,63 @@ def move_blocks(
         air_path_m: (3,) path of the air, and downwards of flakes in it, as of `WeatherTimeline`.
         time_s: Time that drops and stones have fallen.
     """
-    sizes = {item.kind: item for item in air.precipitation}
+    parts = {part.name: part for part in air.extinction.precipitation}
     return tuple(
         replace(
             block,
-            velocity=band.velocity(air),
+            velocity=band.velocity(parts[block.kind], air),
             sway_m=band.sway_m(air),
             path_m=_compute_path_m(band, air_path_m, time_s),
-            shown=band.number_m3(sizes[band.kind]) / block.number_m3,
+            shown=band.number_m3(parts[block.kind]) / block.number_m3,
         )
         for block in blocks
-        if (band := block.band).kind in sizes
+        for band in [block.band]
+        if block.kind in parts
     )
 
 
 def _compute_path_m(band: ParticleBand, air_path_m: Float64Array, time_s: float) -> Float64Array:
-    fallen_m = air_path_m[2] if band.kind == "snow" else -time_s
+    fallen_m = air_path_m[2] if band.part.sways else -time_s
     return np.array([*air_path_m[:2], band.fall * fallen_m])
 
 
-def _list_bands(kind: str, max_melted_mm: float) -> Iterator[ParticleBand]:
-    if kind != "snow":
-        edges, compute_speed = DROP_BANDS_MM, drop_terminal_speed_m_s
-        if kind == "hail":
-            edges = (*(edge for edge in STONE_BANDS_MM if edge < max_melted_mm), max_melted_mm)
-            compute_speed = hail_terminal_speed_m_s
-        for low_mm, high_mm in itertools.pairwise(edges):
-            fall = float(compute_speed((low_mm + high_mm) / 2.0))
-            yield ParticleBand(kind, low_mm, high_mm, fall, 1.0, (kind, round(low_mm * 10)))
-        return
-    for low_mm, high_mm in itertools.pairwise((*FLAKE_BANDS_MM, max_melted_mm)):
-        for number, factor in enumerate(FLAKE_SPEEDS):
-            key = kind, round(low_mm * 10), number
-            yield ParticleBand(kind, low_mm, high_mm, factor, 1.0 / len(FLAKE_SPEEDS), key)
+def _list_bands(part: Precipitation) -> Iterator[ParticleBand]:
+    largest_mm, factors = part.sizes.max_melted_mm, part.speed_factors
+    edges_mm = (*(edge for edge in part.bands_mm if edge < largest_mm), largest_mm)
+    for low_mm, high_mm in itertools.pairwise(edges_mm):
+        fall = float(part.compute_speed((low_mm + high_mm) / 2.0))
+        for number, factor in enumerate(factors):
+            key = (part.name, round(low_mm * 10), *((number,) if len(factors) > 1 else ()))
+            yield ParticleBand(part, low_mm, high_mm, factor * fall, 1.0 / len(factors), key)
 
 
 def _build_block(
     band: ParticleBand,
-    sizes: ParticleSizeDistribution,
     air: Atmosphere,
     key: tuple[int | str, ...],
     *,
     changes: bool,
 ) -> ParticleBlock:
     """Draw the particles of a band; those of changing wind sway later, if not now."""
+    part, sizes = band.part, band.part.sizes
     rng, sway_m = create_generator(*key, *band.key), band.sway_m(air)
-    number_m3 = band.number_m3(sizes)
+    number_m3 = band.number_m3(part)
     cell_m = (PARTICLES_PER_BLOCK / number_m3) ** (1.0 / 3.0) / CELLS_PER_EDGE
     count = rng.poisson(PARTICLES_PER_BLOCK / CELLS_PER_EDGE**3, CELLS_PER_EDGE**3)
     starts = np.concatenate([[0], np.cumsum(count)]).astype(np.intp)
     offset = rng.random((starts[-1], 3), np.float32) * np.float32(cell_m)
     least_mm = np.full(starts[-1], band.low_mm)
     diameter_mm = sizes.sample_diameters_mm(least_mm, rng.random(starts[-1]), band.high_mm)
-    sways = sway_m > 0.0 or (changes and band.kind == "snow")
+    sways = sway_m > 0.0 or (changes and part.sways)
     phase = rng.random(starts[-1] if sways else 0, np.float32) * np.float32(SWAY_CYCLE_RAD)
     diameter_m = (diameter_mm * sizes.air_to_melted_diameter * 1e-3).astype(np.float32)
-    spread = GLINT_DEVIATION if sizes.kind == "rain" else 0.0
+    spread = part.glint_deviation
     # Mean 1 of a log-normal distribution.
     glint = np.exp(spread * rng.standard_normal(starts[-1]) - spread**2 / 2.0).astype(np.float32)
     return ParticleBlock(
         band,
         number_m3,
-        band.velocity(air),
+        band.velocity(part, air),
         cell_m,
         starts,
         offset,

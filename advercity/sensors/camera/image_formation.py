@@ -17,7 +17,7 @@ from advercity_dsl.weather_components import Lens
 from numpy.typing import NDArray
 
 from advercity.physics.atmosphere import Atmosphere
-from advercity.physics.precipitation import ParticleSizeDistribution
+from advercity.physics.weather_parts.part import Precipitation
 from advercity.randomness import create_generator
 from advercity.rendering.backend import CameraCapture
 from advercity.sensors.camera.electronics import (
@@ -69,16 +69,16 @@ class CameraConditions:
         atmosphere: Atmosphere,
         lens: Lens,
         *key: int | str,
-        all_sizes: Sequence[ParticleSizeDistribution] | None = None,
+        all_moments: Sequence[Precipitation] | None = None,
     ) -> "CameraConditions":
         """Derive the conditions; the same key gives the same drops.
 
-        `all_sizes` is for a weather that changes, as in `build_particle_blocks`.
+        `all_moments` is for a weather that changes, as in `build_particle_blocks`.
         """
         return CameraConditions(
             atmosphere=atmosphere,
             lens=lens,
-            blocks=build_particle_blocks(atmosphere, *key, "falling", all_sizes=all_sizes),
+            blocks=build_particle_blocks(atmosphere, *key, "falling", all_moments=all_moments),
             key=key,
             **_derive_light(atmosphere),
         )

@@ -19,7 +19,6 @@ from advercity.physics.lamp_beams import LightSource
 from advercity.rendering.backend import CameraCapture
 from advercity.sensors.camera.exposure import CameraExposure
 from advercity.sensors.camera.falling_particles import (
-    PARTICLE_KINDS,
     FallingParticles,
     ParticleBlock,
 )
@@ -104,11 +103,18 @@ def add_falling_particles(
 
     `extinction` of the air, 1/m, reduces the contrast of far particles.
     """
-    for kind in PARTICLE_KINDS:
+    for kind in dict.fromkeys(block.kind for block in blocks):
         falling = [block for block in blocks if block.kind == kind]
         seen = project_streaks(find_visible_particles(exposure, falling), exposure)
         if len(seen.depth_m):
-            capture = _draw_streaks(capture, exposure, seen, ambient_light, kind, extinction)
+            capture = _draw_streaks(
+                capture,
+                exposure,
+                seen,
+                ambient_light,
+                extinction,
+                is_clear=falling[0].band.part.is_clear,
+            )
     return capture
 
 
@@ -168,17 +174,17 @@ def _draw_streaks(
     exposure: CameraExposure,
     streaks: MotionStreaks,
     ambient_light: AmbientLight,
-    kind: str,
     extinction: float,
+    *,
+    is_clear: bool,
 ) -> CameraCapture:
-    """Draw streaks of one kind over a capture."""
-    is_rain = kind == "rain"
-    per_lx = DROP_LUMINANCE_PER_LX if is_rain else FLAKE_LUMINANCE_PER_LX
+    """Draw streaks of particles, clear ones like drops or white ones like flakes, on a capture."""
+    per_lx = DROP_LUMINANCE_PER_LX if is_clear else FLAKE_LUMINANCE_PER_LX
     near, far = _split_lamps_by_distance(exposure)
     lamp_light = partial(
-        lamp_luminance, eye=exposure.position, per_lx=per_lx, forward_scattering=is_rain
+        lamp_luminance, eye=exposure.position, per_lx=per_lx, forward_scattering=is_clear
     )
-    ambient = ambient_light.drop_luminance if is_rain else ambient_light.flake_luminance
+    ambient = ambient_light.drop_luminance if is_clear else ambient_light.flake_luminance
     rays = exposure.ray_grid(*LIGHT_GRID).reshape(-1, 3)
     far_light = ambient(rays) + lamp_light(far, LIGHT_GRID_DEPTH_M * rays)
     height, width = capture.depth.shape

@@ -21,7 +21,7 @@ class CameraWeather:
             timeline.atmosphere_at(0, spec.road.land_use),
             timeline.weather_at(0).lens,
             *(spec.seeds.sensors, spec.id),
-            all_sizes=timeline.list_sizes() if timeline.is_changing else None,
+            all_moments=timeline.list_precipitation() if timeline.is_changing else None,
         )
         self._blocks = self._conditions.blocks
         self.at = lru_cache(maxsize=1)(self._derive)

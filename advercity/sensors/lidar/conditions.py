@@ -6,13 +6,12 @@ from functools import lru_cache
 
 import numpy as np
 from advercity_dsl import Lidar
-from advercity_dsl.weather_components import Fog, Lens
+from advercity_dsl.weather_components import Lens
 from numpy.typing import NDArray
 
 from advercity.geometry.arrays import FloatArray
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.extinction import AirExtinction
-from advercity.physics.precipitation import ParticleSizeDistribution
 from advercity.sensors.lidar.beams import BeamShape, ScanTime, beam_directions, scan_azimuths_rad
 from advercity.sensors.lidar.forward_scattering import (
     Diffraction,
@@ -78,9 +77,7 @@ class LidarConditions:
     """Air, light and ground as a LiDAR at 905 nm has them.
 
     Attributes:
-        extinction: Extinction coefficients of the air by component.
-        precipitation: Size distributions of falling rain, snow and hail.
-        droplet_m: Diameter of the droplets of fog.
+        extinction: Extinction coefficients of the air, part by part.
         has_spray: Whether the road is wet enough for spray.
         wetness: 0 dry to 1 soaked or glazed with ice.
         puddle_coverage: Fraction of the carriageway under standing water.
@@ -92,8 +89,6 @@ class LidarConditions:
     """
 
     extinction: AirExtinction
-    precipitation: tuple[ParticleSizeDistribution, ...]
-    droplet_m: float
     has_spray: bool
     wetness: float
     puddle_coverage: float
@@ -111,7 +106,7 @@ class LidarConditions:
     def tabulate_air(self, lidar: Lidar) -> "AirTables":
         """Tabulate the air as a LiDAR sees it; kept for its next scans."""
         receiver, beam = Receiver.from_lidar(lidar), BeamShape.from_lidar(lidar)
-        return _tabulate_air(self.extinction, self.precipitation, self.droplet_m, receiver, beam)
+        return _tabulate_air(self.extinction, receiver, beam)
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,17 +127,11 @@ class AirTables:
 
 
 @lru_cache(maxsize=8)
-def _tabulate_air(
-    extinction: AirExtinction,
-    precipitation: tuple[ParticleSizeDistribution, ...],
-    droplet_m: float,
-    receiver: Receiver,
-    beam: BeamShape,
-) -> AirTables:
-    falling = {"rain": extinction.rain, "snow": extinction.snow, "hail": extinction.hail}
+def _tabulate_air(extinction: AirExtinction, receiver: Receiver, beam: BeamShape) -> AirTables:
+    droplets, falling = extinction.suspended, extinction.precipitation
     diffracting = [
-        Diffraction(extinction.fog.at_905nm, droplet_m),
-        *(Diffraction.from_sizes(item, falling[item.kind].at_905nm) for item in precipitation),
+        *(Diffraction.from_droplets(part) for part in droplets if part.droplet_um),
+        *(Diffraction.from_precipitation(part) for part in falling),
     ]
     view_rad = receiver.field_of_view_rad
     seen = extinction.at_905nm - kept_extinction_per_m(diffracting, view_rad)
@@ -150,7 +139,7 @@ def _tabulate_air(
         extinction_per_m=seen,
         delay_per_m=delay_per_m(diffracting, view_rad),
         soft_target=SoftTarget.from_extinction(extinction, seen, receiver),
-        particles=tuple(ParticleTable.build(item, seen, receiver, beam) for item in precipitation),
+        particles=tuple(ParticleTable.build(item, seen, receiver, beam) for item in falling),
     )
 
 
@@ -158,17 +147,10 @@ MIN_VISIBLE_SUN_LX = 1_000.0
 """Direct normal illuminance below which the sun's disc no longer blinds."""
 
 
-def derive_lidar_conditions(
-    atmosphere: Atmosphere, lens: Lens, fog: Fog | None = None
-) -> LidarConditions:
-    """Derive what a LiDAR at 905 nm needs of an atmosphere, and of the glass before it.
-
-    `fog` gives the size of the droplets; None is that of the default.
-    """
+def derive_lidar_conditions(atmosphere: Atmosphere, lens: Lens) -> LidarConditions:
+    """Derive what a LiDAR at 905 nm needs of an atmosphere, and of the glass before it."""
     return LidarConditions(
         extinction=atmosphere.extinction,
-        precipitation=atmosphere.precipitation,
-        droplet_m=(fog or Fog()).droplet_um * 1e-6,
         has_spray=has_spray(atmosphere.water_film_mm),
         wetness=max(atmosphere.wetness, atmosphere.ice_cover),
         puddle_coverage=atmosphere.puddle_coverage,

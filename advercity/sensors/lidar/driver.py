@@ -37,7 +37,7 @@ class LidarDriver(SensorDriver):
 
     def _derive_conditions(self, state: int) -> LidarConditions:
         weather = self.stage.poses.timeline.weather_at(state)
-        return derive_lidar_conditions(self.stage.atmosphere, weather.lens, weather.fog)
+        return derive_lidar_conditions(self.stage.atmosphere, weather.lens)
 
     def _cast(
         self, agent: Agent, number: int, frame: Frame, conditions: LidarConditions

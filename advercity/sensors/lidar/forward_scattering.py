@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from advercity.physics.precipitation import ParticleSizeDistribution
+from advercity.physics.weather_parts.part import Precipitation, Suspension
 
 WAVELENGTH_M = 905e-9
 DIFFRACTED_FRACTION = 0.5
@@ -32,10 +32,15 @@ class Diffraction:
     diameter_m: float
 
     @staticmethod
-    def from_sizes(sizes: ParticleSizeDistribution, extinction_per_m: float) -> "Diffraction":
-        """Build that of precipitation; the area-weighted mean of exp(-k D) is 3 / k."""
-        diameter_mm = 3.0 / sizes.slope_per_mm * sizes.air_to_melted_diameter
-        return Diffraction(extinction_per_m, diameter_mm * 1e-3)
+    def from_droplets(part: Suspension) -> "Diffraction":
+        """Build the diffraction by droplets, which have a `droplet_um`."""
+        return Diffraction(part.extinction.at_905nm, (part.droplet_um or math.inf) * 1e-6)
+
+    @staticmethod
+    def from_precipitation(part: Precipitation) -> "Diffraction":
+        """Build the diffraction by precipitation; the area-weighted mean of exp(-k D) is 3 / k."""
+        diameter_mm = 3.0 / part.sizes.slope_per_mm * part.sizes.air_to_melted_diameter
+        return Diffraction(part.extinction_per_m, diameter_mm * 1e-3)
 
     @property
     def lobe_rad(self) -> float:

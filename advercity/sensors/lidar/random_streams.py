@@ -19,6 +19,7 @@ class StreamPurpose(IntEnum):
     """Purpose of a stream.
 
     Values are jumps of the generator: a new purpose goes to the end, or every dataset changes.
+    Those from 64 on are the point kinds of other distributions.
     """
 
     FIRED = 0
@@ -54,7 +55,7 @@ class RandomStreams:
             1.0 / NUM_LEVELS
         )
 
-    def open_stream(self, purpose: StreamPurpose) -> np.random.Generator:
+    def open_stream(self, purpose: StreamPurpose | int) -> np.random.Generator:
         """Open the generator of a purpose, always at its beginning."""
         return np.random.Generator(self._root.jumped(purpose + 1))
 

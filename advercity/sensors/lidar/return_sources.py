@@ -1,7 +1,7 @@
 """Returns of one scan by source: surfaces, fog and dust, particles, spray."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -32,14 +32,15 @@ from advercity.sensors.lidar.returns import Returns
 from advercity.sensors.lidar.scan import ScanHits
 from advercity.sensors.lidar.stray_light import find_stray_light
 from advercity.sensors.lidar.volume_scattering import (
-    LIDAR_RATIO_SR,
     LOG_POWER_DEVIATION,
     MIN_RANGE_M,
+    SPRAY_LIDAR_RATIO_SR,
     ParticleTable,
     PlumeCrossing,
     find_plume_crossings,
 )
-from advercity.sensors.measurements import PARTICLE_POINT_KIND, PointKind
+from advercity.sensors.measurements import PointKind
+from advercity.sensors.point_kinds import find_point_kind
 
 MIN_RELEVANT_POWER = 0.2
 """Power of returns, times the sub-rays that may add up to one, below which they are dropped: noise
@@ -101,9 +102,9 @@ class ReturnSources:
         )
 
     def soft_target_returns(self) -> Returns | None:
-        """Compute the returns of fog and dust, one per beam in order; None in clear air.
+        """Compute the returns of floating particles, one per beam in order; None in clear air.
 
-        The number of droplets in each beam fluctuates about the mean.
+        The number of particles in each beam fluctuates about the mean.
         """
         soft, lidar, count = self._tables.soft_target, self.lidar, self._count
         if soft is None or lidar.soft_gain <= 0.0:
@@ -117,13 +118,21 @@ class ReturnSources:
         uniform = self.streams.uniform(StreamPurpose.SOFT_RANGE, count)
         range_m, power = soft.sample(gain, self._stop_m, uniform)
         power *= power > MIN_RELEVANT_POWER / lidar.sub_rays
-        kind = np.full(count, PointKind.FOG, np.uint8)
-        if soft.dust_fraction:
-            dusty = self.streams.uniform(StreamPurpose.SOFT_KIND, count) < soft.dust_fraction
-            kind[dusty] = PointKind.DUST
         beam = np.arange(count, dtype=np.int32)
         noise = self._draw_noise(StreamPurpose.SOFT_NOISE, count)
+        kind = self._draw_soft_kinds(soft.fractions, count)
         return _build_airborne_returns(beam, range_m, power, noise, kind)
+
+    def _draw_soft_kinds(self, fractions: Mapping[str, float], count: int) -> NDArray[np.uint8]:
+        """Draw the kind (count,) of particle that each beam's return is of."""
+        first, *others = fractions
+        kind = np.full(count, find_point_kind(first), np.uint8)
+        if others:
+            uniform = self.streams.uniform(StreamPurpose.SOFT_KIND, count)
+            shares = [*fractions.values()]
+            for number, name in enumerate(others, 1):
+                kind[uniform < sum(shares[number:])] = find_point_kind(name)
+        return kind
 
     def iterate_other_returns(self) -> Iterator[Returns]:
         """Yield the returns of all other sources, each sorted by beam."""
@@ -173,8 +182,9 @@ class ReturnSources:
 
     def _particle_returns(self, table: ParticleTable) -> Returns:
         """Compute the returns of drops or flakes in front of the surface that stops each beam."""
-        kind = PARTICLE_POINT_KIND[table.sizes.kind]
-        rng = self.streams.open_stream(StreamPurpose[kind.name])
+        kind = find_point_kind(table.part.name)
+        purpose = StreamPurpose[kind.name] if isinstance(kind, PointKind) else kind
+        rng = self.streams.open_stream(purpose)
         beam, range_m, power = table.sample(self._count, rng)
         noise = self._draw_stream_noise(rng, len(beam))
         power *= (range_m < self._stop_m[beam]) / np.float32(self._threshold)
@@ -198,9 +208,7 @@ class ReturnSources:
         )
         range_m = np.maximum(plume.enter_m + penetration_m, np.float32(MIN_RANGE_M))
         depth_m = np.minimum(plume.through_m, np.float32(self.receiver.pulse_length_m))
-        reflectance = (
-            plume.extinction_per_m * depth_m * np.float32(math.pi / LIDAR_RATIO_SR["spray"])
-        )
+        reflectance = plume.extinction_per_m * depth_m * np.float32(math.pi / SPRAY_LIDAR_RATIO_SR)
         power = self.receiver.received_power(
             range_m, reflectance, self._tables.extinction_per_m
         ) * (range_m < self._stop_m[beam])
@@ -317,7 +325,7 @@ def _build_airborne_returns(
     range_m: FloatArray,
     power: FloatArray,
     noise: FloatArray,
-    kind: PointKind | NDArray[np.uint8],
+    kind: int | NDArray[np.uint8],
 ) -> Returns:
     """Build returns that belong to no object, of one kind or of a kind (k,) each."""
     return Returns(

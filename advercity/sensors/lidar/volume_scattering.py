@@ -7,7 +7,7 @@ beam costs a few look-ups, and no particle is simulated.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
 from advercity.geometry.poses import Matrix
 from advercity.physics.extinction import AirExtinction
-from advercity.physics.precipitation import ParticleSizeDistribution
+from advercity.physics.weather_parts.part import Precipitation
 from advercity.sensors.lidar.beams import (
     FIRST_SCAN,
     BeamGrid,
@@ -37,8 +37,8 @@ from advercity.sensors.spray_plumes import (
     iterate_spraying_states,
 )
 
-LIDAR_RATIO_SR = {"fog": 18.8, "dust": 50.0, "spray": 20.0}
-"""Extinction over backscatter: O'Connor et al., JTECH 21, 777 (2004) for droplets."""
+SPRAY_LIDAR_RATIO_SR = 20.0
+"""Extinction over backscatter, as of droplets."""
 MIN_RANGE_M, MAX_RANGE_M, RANGE_STEP_M = 0.5, 60.0, 0.02
 """Ranges that are tabulated; beyond, neither fog nor particles are detected."""
 LOG_POWER_DEVIATION = 0.3
@@ -52,17 +52,17 @@ near the peak."""
 
 @dataclass(frozen=True, eq=False)
 class SoftTarget:
-    """Fog, dust or both, as tables over range.
+    """Floating particles, as tables over range.
 
     Attributes:
         profile: (m,) power relative to the threshold by apparent range, in steps of `RANGE_STEP_M`
             from `MIN_RANGE_M`.
-        dust_fraction: Fraction of the backscatter that is dust's.
+        fractions: Fraction of the backscatter of each part of the weather, by name.
         pulse_length_m: Half the length of the receiver's pulses.
     """
 
     profile: FloatArray
-    dust_fraction: float
+    fractions: Mapping[str, float]
     pulse_length_m: float
     _mass: FloatArray
     """(m,) integral of the profile from the least range, 0 to 1."""
@@ -77,19 +77,23 @@ class SoftTarget:
     def from_extinction(
         extinction: AirExtinction, extinction_per_m: float, receiver: Receiver
     ) -> "SoftTarget | None":
-        """Tabulate the fog and dust of an air as a receiver sees them; None if it has neither.
+        """Tabulate floating particles as a receiver sees them; None if it sees none.
 
         Args:
-            extinction: Extinction of the air by component.
+            extinction: Extinction of the air, part by part.
             extinction_per_m: Extinction of the light that the receiver sees.
             receiver: The receiver.
         """
-        by_fog = extinction.fog.at_905nm / LIDAR_RATIO_SR["fog"]
-        by_dust = extinction.dust.at_905nm / LIDAR_RATIO_SR["dust"]
-        if not by_fog and not by_dust:
+        backscatter = {
+            part.name: part.extinction.at_905nm / part.lidar_ratio_sr
+            for part in extinction.suspended
+            if part.lidar_ratio_sr
+        }
+        if not backscatter:
             return None
+        total = sum(backscatter.values())
         range_m = np.arange(MIN_RANGE_M, MAX_RANGE_M, RANGE_STEP_M)
-        profile = pulse_profile(range_m, by_fog + by_dust, extinction_per_m, receiver)
+        profile = pulse_profile(range_m, total, extinction_per_m, receiver)
         mass = np.cumsum(profile) - profile[0]
         mass /= mass[-1]
         levels = profile.max() * np.arange(NUM_PROFILE_LEVELS + 1) / NUM_PROFILE_LEVELS
@@ -99,7 +103,7 @@ class SoftTarget:
         steps = np.linspace(0.0, 1.0, NUM_RANGE_QUANTILES)
         return SoftTarget(
             profile=profile.astype(np.float32),
-            dust_fraction=by_dust / (by_fog + by_dust),
+            fractions={name: value / total for name, value in backscatter.items()},
             pulse_length_m=receiver.pulse_length_m,
             _mass=mass.astype(np.float32),
             _range_of_mass=np.interp(steps, mass, range_m).astype(np.float32),
@@ -166,12 +170,6 @@ def pulse_profile(
     return np.where(scatterer_m > 0.0, layer, 0.0) @ shape
 
 
-PARTICLE_REFLECTANCE = {"rain": 0.05, "snow": 0.2, "hail": 0.3}
-"""Lambertian reflectance of a drop, a flake and a stone at 905 nm; the stone's is an assumption
-between a flake and old snow, as its ice is milky.
-
-The receiver looks a few mrad off the beam, so it misses the glory of exact backscatter.
-"""
 MIN_PARTICLE_POWER = 0.4
 """Power below which particles are left out: noise would have to add three standard deviations."""
 
@@ -181,21 +179,21 @@ class ParticleTable:
     """Rate, range and power of the particles of one kind in a beam.
 
     Attributes:
-        sizes: Size distribution of the particles.
+        part: The particles.
         expected: Mean number of particles per beam with at least `MIN_PARTICLE_POWER`.
         range_m: (NUM_LEVELS,) quantiles of their ranges.
         min_diameter_mm: (NUM_LEVELS,) melted diameter at each of these ranges of a particle with
             exactly that power.
     """
 
-    sizes: ParticleSizeDistribution
+    part: Precipitation
     expected: float
     range_m: FloatArray
     min_diameter_mm: FloatArray
 
     @staticmethod
     def build(
-        sizes: ParticleSizeDistribution,
+        part: Precipitation,
         extinction_per_m: float,
         receiver: Receiver,
         beam: BeamShape,
@@ -203,15 +201,16 @@ class ParticleTable:
         """Tabulate particles in air of an extinction coefficient at 905 nm."""
         range_m = np.arange(MIN_RANGE_M, MAX_RANGE_M, RANGE_STEP_M)
         least_mm = min_detectable_diameter_mm(
-            range_m, sizes, extinction_per_m, receiver, beam, MIN_PARTICLE_POWER
+            range_m, part, extinction_per_m, receiver, beam, MIN_PARTICLE_POWER
         )
-        per_m = beam.cross_section_m2(range_m) * sizes.number_concentration_above(least_mm)
+        number_m3 = part.sizes.number_concentration_above(least_mm)
+        per_m = beam.cross_section_m2(range_m) * number_m3
         steps = np.concatenate([[0.0], (per_m[1:] + per_m[:-1]) / 2.0 * RANGE_STEP_M])
         count = np.cumsum(steps)
         middle = np.interp((np.arange(NUM_LEVELS) + 0.5) * (count[-1] / NUM_LEVELS), count, range_m)
         least = np.interp(middle, range_m, least_mm)
         return ParticleTable(
-            sizes, float(count[-1]), middle.astype(np.float32), least.astype(np.float32)
+            part, float(count[-1]), middle.astype(np.float32), least.astype(np.float32)
         )
 
     def sample(
@@ -231,14 +230,15 @@ class ParticleTable:
 
     def _sample_excess_mm(self, least_mm: FloatArray, uniform: FloatArray) -> FloatArray:
         """Draw diameters (k,) above the least: exponential, truncated at the largest."""
-        slope = np.float32(self.sizes.slope_per_mm)
-        cut = 1.0 - np.exp(-slope * np.maximum(self.sizes.max_melted_mm - least_mm, 0.0))
+        sizes = self.part.sizes
+        slope = np.float32(sizes.slope_per_mm)
+        cut = 1.0 - np.exp(-slope * np.maximum(sizes.max_melted_mm - least_mm, 0.0))
         return -np.log1p(-uniform * cut) / slope
 
 
 def min_detectable_diameter_mm(
     range_m: Float64Array,
-    sizes: ParticleSizeDistribution,
+    part: Precipitation,
     extinction_per_m: float,
     receiver: Receiver,
     beam: BeamShape,
@@ -246,10 +246,10 @@ def min_detectable_diameter_mm(
 ) -> Float64Array:
     """Compute the melted diameter (n,) of a particle that returns `power` times the threshold."""
     # A particle returns the fraction of a beam-filling target that its area is of the beam's.
-    reflectance = np.full_like(range_m, PARTICLE_REFLECTANCE[sizes.kind])
+    reflectance = np.full_like(range_m, part.reflectance)
     filling = receiver.received_power(range_m, reflectance, extinction_per_m)
     area_m2 = power / filling * beam.cross_section_m2(range_m)
-    return np.sqrt(area_m2 * 4.0 / math.pi) * 1e3 / sizes.air_to_melted_diameter
+    return np.sqrt(area_m2 * 4.0 / math.pi) * 1e3 / part.sizes.air_to_melted_diameter
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,8 @@ from advercity_dsl import Radar
 from advercity.frames import ActorState
 from advercity.geometry import poses
 from advercity.geometry.arrays import Float64Array, FloatArray
-from advercity.physics.microwaves import compute_echo
-from advercity.physics.precipitation import ParticleSizeDistribution
+from advercity.physics.microwaves import compute_echo, water_permittivity
+from advercity.physics.weather_parts.part import ParticleSizeDistribution
 from advercity.sensors.measurements import PointKind
 from advercity.sensors.radar.antenna import (
     compute_angles,
@@ -99,10 +99,8 @@ def _spray_backscatter_per_g() -> float:
     """Compute the backscatter of 1 g/m³ of spray, m² per m³."""
     # 1 g of water is 1000 mm³; an exponential distribution holds pi N / slope^4 of it.
     intercept = 1e3 * SPRAY_DROP_SLOPE_PER_MM**4 / math.pi
-    sizes = ParticleSizeDistribution(
-        "rain", intercept, SPRAY_DROP_SLOPE_PER_MM, 1.0, SPRAY_LARGEST_MM
-    )
-    return compute_echo(sizes).backscatter_per_m
+    sizes = ParticleSizeDistribution(intercept, SPRAY_DROP_SLOPE_PER_MM, SPRAY_LARGEST_MM)
+    return compute_echo(sizes, water_permittivity()).backscatter_per_m
 
 
 def _build_paths(

@@ -4,23 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from advercity_dsl import Mount
-from advercity_dsl.weather_components import Fog, Lens
+from advercity_dsl.weather_components import Lens
 
 from advercity.geometry.arrays import Float64Array
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.microwaves import (
     compute_echo,
     fog_attenuation_db_km,
-    fog_water_g_m3,
 )
-from advercity.physics.precipitation import (
-    CAMERA_HEIGHT_M,
-    ParticleSizeDistribution,
-    drop_terminal_speed_m_s,
-    hail_terminal_speed_m_s,
-    wind_at_height,
-)
-from advercity.sensors.measurements import PARTICLE_POINT_KIND, PointKind
+from advercity.physics.precipitation import CAMERA_HEIGHT_M, wind_at_height
+from advercity.physics.weather_parts.part import Precipitation
+from advercity.sensors.point_kinds import find_point_kind
 from advercity.sensors.spray_plumes import has_spray
 
 FILM_MM = 0.5
@@ -45,7 +39,7 @@ class FallingEcho:
         velocity: (3,) mean in the world, m/s.
     """
 
-    kind: PointKind
+    kind: int
     backscatter_per_m: float
     velocity: Float64Array
 
@@ -75,21 +69,22 @@ class RadarConditions:
         return front if off_ahead < 45.0 else rear if off_ahead > 135.0 else side
 
 
-def derive_radar_conditions(atmosphere: Atmosphere, lens: Lens, fog: Fog) -> RadarConditions:
-    """Derive what a radar needs of an atmosphere, its fog, and what covers sensors."""
-    echoes = [compute_echo(sizes, atmosphere.rain_mm_h) for sizes in atmosphere.precipitation]
-    water_g_m3 = fog_water_g_m3(atmosphere.extinction.fog.at_550nm, fog.droplet_um)
+def derive_radar_conditions(atmosphere: Atmosphere, lens: Lens) -> RadarConditions:
+    """Derive what a radar needs of an atmosphere and of the lens before it."""
+    air = atmosphere.extinction
+    echoes = [(part, compute_echo(part.sizes, part.permittivity)) for part in air.precipitation]
     falling = tuple(
         FallingEcho(
-            PARTICLE_POINT_KIND[sizes.kind],
-            echo.backscatter_per_m,
-            _find_velocity(atmosphere, sizes),
+            find_point_kind(part.name), echo.backscatter_per_m, _find_velocity(atmosphere, part)
         )
-        for sizes, echo in zip(atmosphere.precipitation, echoes, strict=True)
+        for part, echo in echoes
     )
     return RadarConditions(
-        attenuation_db_km=fog_attenuation_db_km(water_g_m3)
-        + sum(echo.attenuation_db_km for echo in echoes),
+        attenuation_db_km=fog_attenuation_db_km(air.water_g_m3)
+        + sum(
+            echo.attenuation_db_km if part.attenuation_db_km is None else part.attenuation_db_km
+            for part, echo in echoes
+        ),
         falling=falling,
         radome_db=_compute_radome_db(lens, atmosphere.ice_cover),
         wetness=atmosphere.wetness,
@@ -97,15 +92,11 @@ def derive_radar_conditions(atmosphere: Atmosphere, lens: Lens, fog: Fog) -> Rad
     )
 
 
-def _find_velocity(atmosphere: Atmosphere, sizes: ParticleSizeDistribution) -> Float64Array:
+def _find_velocity(atmosphere: Atmosphere, part: Precipitation) -> Float64Array:
     """Compute the velocity (3,) of the particles that scatter most."""
+    sizes = part.sizes
     diameter_mm = min(_MEAN_SIZE_SLOPES / sizes.slope_per_mm, sizes.max_melted_mm)
-    if sizes.kind == "snow":
-        fall_m_s = atmosphere.snow_fall_speed_m_s
-    elif sizes.kind == "hail":
-        fall_m_s = float(hail_terminal_speed_m_s(diameter_mm))
-    else:
-        fall_m_s = float(drop_terminal_speed_m_s(diameter_mm))
+    fall_m_s = part.speed_m_s * float(part.compute_speed(diameter_mm))
     return wind_at_height(atmosphere.wind, CAMERA_HEIGHT_M) - np.array([0.0, 0.0, fall_m_s])
 
 

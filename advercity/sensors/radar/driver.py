@@ -48,7 +48,7 @@ class RadarDriver(SensorDriver):
 
     def _derive_conditions(self, state: int) -> RadarConditions:
         weather = self.stage.poses.timeline.weather_at(state)
-        return derive_radar_conditions(self.stage.atmosphere, weather.lens, weather.fog)
+        return derive_radar_conditions(self.stage.atmosphere, weather.lens)
 
 
 def place_radars(poses: AgentPoses, agent: Agent, frame: Frame) -> list[PlacedRadar]:

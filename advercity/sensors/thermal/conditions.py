@@ -56,7 +56,7 @@ def derive_thermal_conditions(atmosphere: Atmosphere, weather: Weather) -> Therm
     """
     air = InfraredAir.from_weather(weather, atmosphere.extinction)
     speed = float(np.linalg.norm(wind_at_height(weather.wind, CAMERA_HEIGHT_M)))
-    is_covered = atmosphere.extinction.fog.at_550nm > 0.0
+    is_covered = atmosphere.extinction.water_g_m3 > 0.0
     cloudiness = 1.0 if is_covered else weather.sky.oktas / 8.0
     # Without the moon, which warms nothing.
     is_day = not atmosphere.night

@@ -16,7 +16,8 @@ from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
 from advercity.materials import ACTOR_PAINT
 from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
-from advercity.physics.extinction import AirExtinction, Extinction
+from advercity.physics.extinction import AirExtinction
+from advercity.physics.weather_parts.part import Extinction, Suspension
 from advercity.rendering.backend import (
     Backend,
     CameraCapture,
@@ -127,7 +128,7 @@ def test_a_crown_has_the_leaves_of_sapiens(backend: MitsubaBackend) -> None:
 
 @pytest.mark.parametrize("extinction", [0.0, 0.003, 0.01], ids=["clear", "mist", "fog"])
 def test_lamps_are_as_bright_as_sapiens(backend: MitsubaBackend, extinction: float) -> None:
-    fog = AirExtinction(fog=Extinction(at_550nm=extinction))
+    fog = AirExtinction((Suspension("fog", Extinction(at_550nm=extinction)),))
     night = build_clear_air(night=True, extinction=fog)
     world = build_world(lamps=(StreetLamp((4.0, 3.0, 6.0)), StreetLamp((10.0, -5.0, 6.0))))
     empty = build_frame()
@@ -158,7 +159,7 @@ def test_a_street_lamp_glows_as_an_integral_along_rays(
     backend: MitsubaBackend, extinction: float
 ) -> None:
     lamp = StreetLamp((12.0, 4.0, 8.0))
-    fog = AirExtinction(fog=Extinction(at_550nm=extinction))
+    fog = AirExtinction((Suspension("fog", Extinction(at_550nm=extinction)),))
     night = build_clear_air(night=True, extinction=fog)
     world = build_world(STATIC[:1], lamps=(lamp,))
     seen = render(backend, night, world=world, frame=Frame(0, 0.0, (), {}), samples=256)
@@ -178,7 +179,7 @@ def test_a_street_lamp_glows_as_an_integral_along_rays(
 
 
 def test_beams_in_fog_glow_as_sapiens(backend: MitsubaBackend) -> None:
-    fog = AirExtinction(fog=Extinction(at_550nm=0.03))
+    fog = AirExtinction((Suspension("fog", Extinction(at_550nm=0.03)),))
     (state,) = build_frame((-3.0, 0.0, 0.0)).states
     own = replace(state, world_from_body=pose_matrix((-3.0, 0.0, 0.0)), lamps=Lamp.LOW_BEAM)
     frame, night = Frame(0, 0.0, (own,), {}), build_clear_air(night=True, extinction=fog)
@@ -236,7 +237,7 @@ def test_the_denoiser_leaves_lenses_as_they_are(backend: MitsubaBackend) -> None
     world = replace(build_world(), bodies={"car": replace(car, parts=(*car.parts, lens))})
     (state,) = build_frame((14.0, 0.5, 0.0)).states
     lit = replace(state, world_from_body=pose_matrix((14.0, 0.5, 0.0)), lamps=Lamp.LOW_BEAM)
-    fog = AirExtinction(fog=Extinction(at_550nm=0.02))
+    fog = AirExtinction((Suspension("fog", Extinction(at_550nm=0.02)),))
     night, frame = build_clear_air(night=True, extinction=fog), Frame(0, 0.0, (lit,), {})
     traced, denoised = (
         brightness(render(backend, night, world=world, frame=frame, samples=4, denoise=denoise))

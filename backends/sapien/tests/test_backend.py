@@ -14,8 +14,9 @@ from advercity.errors import BackendError
 from advercity.frames import Frame
 from advercity.geometry.mesh import Mesh
 from advercity.physics.atmosphere import Atmosphere
-from advercity.physics.extinction import AirExtinction, Extinction
+from advercity.physics.extinction import AirExtinction
 from advercity.physics.sky import build_airlight_cubemap
+from advercity.physics.weather_parts.part import Extinction, Suspension
 from advercity.rendering.backend import CameraView, RenderProfile, load_backend
 from advercity.semantics import Semantic
 from advercity.world import World
@@ -39,7 +40,7 @@ def world_of(triangles: int) -> World:
 
 
 AIR = Atmosphere(
-    extinction=AirExtinction(haze=Extinction(1e-4, 1e-4)),
+    extinction=AirExtinction((Suspension("air", Extinction(1e-4, 1e-4)),)),
     sun_direction=np.array([0.0, 0.0, 1.0]),
     sun_lx=1e4,
     sun_colour=(1.0, 1.0, 1.0),

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import Matrix, pose_matrix
-from advercity.physics.extinction import AirExtinction, Extinction, extinction_from_mor
+from advercity.physics.extinction import AirExtinction, extinction_from_mor
+from advercity.physics.weather_parts.part import Extinction, Suspension
 from advercity.rendering.backend import CameraView, RenderProfile
 from advercity.semantics import Semantic
 from advercity.world import Body, World
@@ -51,7 +52,7 @@ def render(pack: Pack, *static: Mesh, mor_m: float = 1e9) -> Images:
         for name, size in (("car", CAR), ("pedestrian", PEDESTRIAN))
     }
     world = World("test", (GROUND, *static), bodies, (), network=None)  # pyright: ignore[reportArgumentType]
-    fog = AirExtinction(fog=Extinction(extinction_from_mor(mor_m)))
+    fog = AirExtinction((Suspension("fog", Extinction(extinction_from_mor(mor_m))),))
     air = build_clear_air(extinction=fog, night=True)
     profile = RenderProfile("test", 1.0, pack, samples=64, path_depth=0)
     shots: tuple[tuple[str, tuple[ActorState, ...], Matrix], ...] = (

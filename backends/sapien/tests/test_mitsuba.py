@@ -16,7 +16,7 @@ from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
 from advercity.materials import CONCRETE_77GHZ, MATERIALS, Material
 from advercity.physics.atmosphere import Atmosphere, compute_atmosphere
-from advercity.physics.extinction import AirExtinction, Extinction
+from advercity.physics.extinction import AirExtinction
 from advercity.physics.lamp_beams import LOW_BEAM
 from advercity.physics.sky import (
     cie_relative_luminance,
@@ -24,6 +24,7 @@ from advercity.physics.sky import (
     daylight_for_weather,
     direction_from_elevation_azimuth,
 )
+from advercity.physics.weather_parts.part import Extinction, Suspension
 from advercity.rendering.backend import CameraView, RenderProfile
 from advercity.rendering.fog_beams import compute_fog_beams
 from advercity.rendering.light_sources import LAMP_BODY_CLEARANCE_M
@@ -77,7 +78,7 @@ def air_of(**more: Any) -> Atmosphere:
 
 
 def fog_air(extinction_per_m: float) -> AirExtinction:
-    return AirExtinction(fog=Extinction(at_550nm=extinction_per_m))
+    return AirExtinction((Suspension("fog", Extinction(at_550nm=extinction_per_m)),))
 
 
 def lit_by_sky(luminance: float, **more: Any) -> Atmosphere:

@@ -54,7 +54,7 @@ ROADSIDE = Lidar(
 
 def air(**parts: Any) -> LidarConditions:
     weather = Weather.model_validate({"id": "tried", "time": "day"} | CLEAR | parts)
-    return derive_lidar_conditions(compute_atmosphere(weather, "rural"), weather.lens, weather.fog)
+    return derive_lidar_conditions(compute_atmosphere(weather, "rural"), weather.lens)
 
 
 def vary(lidar: Lidar, **fields: Any) -> Lidar:

@@ -74,7 +74,7 @@ def test_an_open_receiver_measures_targets_in_fog_too_far_and_brighter() -> None
     )
     assert np.ptp(narrow.range_m) == 0.0
     excess_m = float(wide.range_m[0]) - 25.0
-    particles = Diffraction(air(**fog).extinction.fog.at_905nm, 16e-6)
+    particles = Diffraction(air(**fog).extinction["fog"].at_905nm, 16e-6)
     assert excess_m == pytest.approx(particles.delay_per_m(0.2) * 625, rel=0.01)
     assert 0.001 < excess_m < 0.02
     assert wide.intensity.mean() > 1.5 * narrow.intensity.mean()

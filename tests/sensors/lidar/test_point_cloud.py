@@ -10,7 +10,8 @@ from advercity_dsl import Lidar
 from advercity.compiler import find_weather
 from advercity.geometry.poses import pose_matrix, transform_points
 from advercity.physics.atmosphere import compute_atmosphere
-from advercity.physics.extinction import extinction_from_mor
+from advercity.physics.extinction import AirExtinction, extinction_from_mor
+from advercity.physics.weather_parts.part import Suspension
 from advercity.randomness import create_generator
 from advercity.semantics import Semantic
 from advercity.sensors.lidar import (
@@ -102,9 +103,10 @@ def test_switching_rain_off_leaves_all_other_numbers_alone() -> None:
     scan = panel(20.0, lidar, "brick")
     rainy = air(**VACUUM, rain={"rate_mm_h": 50})
     wet = measure_point_cloud(lidar, scanned(scan), rainy, create_generator("test"))
-    dry = measure_point_cloud(
-        lidar, scanned(scan), replace(rainy, precipitation=()), create_generator("test")
-    )
+    # Without drops to detect, in air as thick: a haze takes as much of the light.
+    grey = Suspension("air", rainy.extinction["rain"])
+    hazy = replace(rainy, extinction=AirExtinction((grey,)))
+    dry = measure_point_cloud(lidar, scanned(scan), hazy, create_generator("test"))
     assert (wet.kind == PointKind.RAIN).any()
     surface = wet.kind == PointKind.SURFACE
     assert set(map(tuple, wet.points[surface])) <= set(map(tuple, dry.points))

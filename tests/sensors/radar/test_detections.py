@@ -49,7 +49,7 @@ def derive_air(parts: dict[str, Any]) -> RadarConditions:
     clear = {"id": "tried", "time": "day", "air": {"mor_m": 20_000}}
     weather = Weather.model_validate(clear | parts)
     atmosphere = compute_atmosphere(weather, "rural")
-    return derive_radar_conditions(atmosphere, weather.lens, weather.fog)
+    return derive_radar_conditions(atmosphere, weather.lens)
 
 
 @pytest.fixture(scope="module")
