@@ -30,7 +30,7 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.extinction import AirExtinction, extinction_from_mor
 from advercity.physics.lamp_beams import LOW_BEAM
 from advercity.physics.photometry import LUMINANCE_WEIGHTS
-from advercity.physics.scattering import DropletPhaseLobes, henyey_greenstein
+from advercity.physics.scattering import PhaseLobes, henyey_greenstein
 from advercity.physics.sky import build_airlight_cubemap
 from advercity.physics.weather_parts.part import Extinction, Suspension
 from advercity.rendering.backend import CameraView, RenderProfile
@@ -45,7 +45,7 @@ LAMP_CD, LAMP_HEIGHT_M, HALF_TRACK_M, LAMP_SIZE2_M2 = 20e3, 0.65, 0.63, 0.01
 STREET_LAMP = StreetLamp((22.0, 3.0, 7.0), 8000.0)
 STREET_LAMP_CD = STREET_LAMP.flux_lm / math.pi
 VISIBILITIES_M = 50.0, 75.0, 90.0
-LOBES = DropletPhaseLobes.from_diameter_um(12.0)
+LOBES = PhaseLobes.from_diameter_um(12.0)
 MAX_SCATTERINGS, MAX_STEP_M, ROULETTE_AFTER = 30, 400.0, 8
 LAMP_SAMPLING, LAMP_SAMPLING_G = 0.35, 0.97
 """Fraction of directions that are drawn towards lamps, and how narrowly."""

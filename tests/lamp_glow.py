@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from advercity.geometry.arrays import FloatArray
-from advercity.physics.scattering import DropletPhaseLobes
+from advercity.physics.scattering import PhaseLobes
 from advercity.rendering.fog_beams import DROPLET_UM
 
 STEPS, FAR_M = 20_000, 5000.0
@@ -26,7 +26,7 @@ def integrate_street_glow(
 
 
 def _integrate(away: FloatArray, intensity_cd: float, extinction: float, ray: FloatArray) -> float:
-    lobes = DropletPhaseLobes.from_diameter_um(DROPLET_UM)
+    lobes = PhaseLobes.from_diameter_um(DROPLET_UM)
     distance = float(np.linalg.norm(away))
     # Steps are short near the lamp.
     edge = float(away @ ray) + np.sinh(np.linspace(-math.asinh(FAR_M), math.asinh(FAR_M), STEPS))

@@ -17,7 +17,7 @@ from advercity.geometry.arrays import Float64Array
 from advercity.physics import photometry, sky
 from advercity.physics.clouds import CloudLayer, choose_cloud_kind
 from advercity.physics.extinction import AirExtinction, compute_extinction, extinction_from_mor
-from advercity.physics.fog_transfer import FogBank, compute_fog_radiance
+from advercity.physics.fog_transfer import FogBank, Scatterer, compute_fog_radiance
 from advercity.physics.moonlight import compute_moonlight
 from advercity.physics.photometry import LED_COLOUR, Colour
 from advercity.physics.precipitation import is_precipitating
@@ -115,8 +115,6 @@ STREET_LIGHT_EXTENT_M = 500.0
 """How far along the ground street lamps light the air: no town is infinite."""
 GREY_SKY_FROM_OKTAS = 7.0
 """Cloud cover at which no blue is left in the sky."""
-DUST_LAYER_M = 300.0
-"""Depth of even dust with the optical depth of a storm's: 3 at a visibility of 300 m."""
 FOG_BELOW_M, MIST_BELOW_M = 1000.0, 10_000.0
 """Visibilities (MOR): below the first it is fog (WMO-No. 407), above the second hardly mist."""
 _WHITE = np.ones(3)
@@ -239,14 +237,14 @@ def _compute_day_light(
 
 
 def compute_fog_light_fraction(extinction: AirExtinction) -> float:
-    """Compute the fraction of a sky that is of fog and dust: none in thin mist.
+    """Compute the fraction of a sky that is of layers such as fog and dust: none in thin mist.
 
     Below `FOG_BELOW_M` they hide the blue of the sky and its clouds; in between it is proportional
     to their extinction.
     """
     thick, thin = (extinction_from_mor(mor_m) for mor_m in (FOG_BELOW_M, MIST_BELOW_M))
-    by_both = extinction["fog"].at_550nm + extinction["dust"].at_550nm
-    return min(1.0, max(0.0, (by_both - thin) / (thick - thin)))
+    by_layers = sum(part.extinction.at_550nm for part, _ in extinction.layers)
+    return min(1.0, max(0.0, (by_layers - thin) / (thick - thin)))
 
 
 def _compute_fogless_light(weather: Weather, sun: Float64Array, light: Daylight) -> _SceneLight:
@@ -289,9 +287,9 @@ def _cloudy_luminance(
 def _compute_foggy_light(
     weather: Weather, sun: Float64Array, extinction: AirExtinction, above: Daylight
 ) -> _SceneLight:
-    """Compute the light scattered in fog and dust and the direct sun that they leave.
+    """Compute the light scattered in fog, dust and the like, and the direct sun that they leave.
 
-    They are one layer, as deep as gives the optical depth of both. Dust absorbs some colours more
+    They are one layer, as deep as gives the optical depth of all. Dust absorbs some colours more
     than others, and each colour is solved alone.
     """
 
@@ -301,19 +299,21 @@ def _compute_foggy_light(
     directions = photometry.cubemap_directions(SKY_SIZE)
     relative = shape(directions)[..., None] * _WHITE
     scale = above.diffuse_lx / photometry.horizontal_illuminance(relative)
-    fog, dust = extinction["fog"].at_550nm, extinction["dust"].at_550nm
-    depth = fog * weather.fog.depth_m + dust * DUST_LAYER_M
+    parts, depths = zip(*extinction.layers, strict=True)
+    extinction_per_m = sum(part.extinction.at_550nm for part in parts)
+    fractions = [part.extinction.at_550nm / extinction_per_m for part in parts[1:]]
+    fractions.insert(0, 1.0 - sum(fractions))
     rays = photometry.cubemap_directions(sky.AIRLIGHT_CUBEMAP_SIZE)
 
-    def solve(dust_albedo: float) -> tuple[float, Float64Array, Float64Array, Float64Array]:
+    def solve(albedos: tuple[float, ...]) -> tuple[float, Float64Array, Float64Array, Float64Array]:
         bank = FogBank(
-            fog + dust,
-            depth / (fog + dust),
-            weather.fog.droplet_um,
+            extinction_per_m,
+            sum(depths) / extinction_per_m,
             sky.ground_albedo(weather.snow.depth_mm / 1000.0),
-            dust_fraction=dust / (fog + dust),
-            dust_albedo=dust_albedo,
-            dust_g=weather.dust.g,
+            tuple(
+                Scatterer(fraction, part.lobes, albedo)
+                for fraction, part, albedo in zip(fractions, parts, albedos, strict=True)
+            ),
         )
         light = compute_fog_radiance(
             bank, sun=sun, direct_lx=above.direct_lx, sky=lambda up: scale * shape(up)
@@ -321,9 +321,9 @@ def _compute_foggy_light(
         seen, scattered = light.sky_luminance(directions), light.airlight_luminance(rays)
         return light.sun_lx, seen, scattered, light.airlight_growth(rays)
 
-    albedos = weather.dust.ssa_rgb if dust else (1.0,) * 3
-    by_albedo = {albedo: solve(albedo) for albedo in set(albedos)}
-    suns, seen, scattered, growth = zip(*(by_albedo[albedo] for albedo in albedos), strict=True)
+    by_colour = list(zip(*(part.albedo for part in parts), strict=True))
+    solved = {albedos: solve(albedos) for albedos in set(by_colour)}
+    suns, seen, scattered, growth = zip(*(solved[albedos] for albedos in by_colour), strict=True)
     return _SceneLight(
         sun_lx=suns[0],
         sky=np.stack(seen, axis=-1),
@@ -341,7 +341,7 @@ def _compute_night_light(
     street_lx: float = getattr(weather.night.street_lx, land_use)
     glow_colour = STREET_LIGHT_COLOUR if land_use == "urban" else _WHITE
     glow, glow_lx = glow_cd_m2 * glow_colour, math.pi * glow_cd_m2
-    absorbed = _absorbed_fraction(weather, extinction)
+    absorbed = _absorbed_fraction(extinction)
     lit_by_lamps = sky.airlight_from_illuminance(street_lx) * STREET_LIGHT_COLOUR * (1.0 - absorbed)
 
     height = photometry.cubemap_directions(SKY_SIZE)[..., 2:]
@@ -360,8 +360,10 @@ def _compute_night_light(
     )
 
 
-def _absorbed_fraction(weather: Weather, extinction: AirExtinction) -> Float64Array:
-    """Compute the fraction (3,) of the light that the air meets which its dust absorbs."""
-    total = extinction.at_550nm
-    by_dust = extinction["dust"].at_550nm / total if total else 0.0
-    return by_dust * (1.0 - np.asarray(weather.dust.ssa_rgb))
+def _absorbed_fraction(extinction: AirExtinction) -> Float64Array:
+    """Compute the fraction (3,) of the light that the air meets which its particles absorb."""
+    absorbed = np.zeros(3)
+    for part in extinction.suspended:
+        fraction = part.extinction.at_550nm / extinction.at_550nm
+        absorbed += fraction * (1.0 - np.asarray(part.albedo))
+    return absorbed

@@ -46,6 +46,15 @@ class AirExtinction:
         return tuple(part for part in self.parts if isinstance(part, Suspension))
 
     @property
+    def layers(self) -> tuple[tuple[Suspension, float], ...]:
+        """Floating particles that hide the sky, as fog and dust, with their optical depth."""
+        return tuple(
+            (part, part.extinction.at_550nm * part.layer_m)
+            for part in self.suspended
+            if part.layer_m is not None
+        )
+
+    @property
     def precipitation(self) -> tuple[Precipitation, ...]:
         """Particles that fall."""
         return tuple(part for part in self.parts if isinstance(part, Precipitation))

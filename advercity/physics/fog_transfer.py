@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from advercity.geometry.arrays import Float64Array, FloatArray
-from advercity.physics.scattering import DropletPhaseLobes, PhaseFunction, henyey_greenstein
+from advercity.physics.scattering import PhaseFunction, PhaseLobes, henyey_greenstein
 
 NUM_STREAMS, NUM_AZIMUTH_TERMS = 24, 12
 """Directions between horizontal and vertical, and terms in azimuth beyond the mean."""
@@ -174,48 +174,64 @@ NEGLIGIBLE_TERM, CONVERGENCE_TOLERANCE = 1e-3, 1e-7
 
 
 @dataclass(frozen=True)
+class Scatterer:
+    """One sort of particles in a bank, in light of one colour.
+
+    Attributes:
+        fraction: Fraction of the bank's extinction.
+        lobes: Phase function of the particles.
+        albedo: Fraction of the light they meet that they scatter; the rest is absorbed.
+    """
+
+    fraction: float
+    lobes: PhaseLobes
+    albedo: float = 1.0
+
+    @property
+    def wide_fraction(self) -> float:
+        """Fraction of the bank's extinction that they scatter by their wide lobe."""
+        return self.fraction * self.albedo * self.lobes.wide_fraction
+
+
+@dataclass(frozen=True)
 class FogBank:
-    """A homogeneous layer of fog, of dust or of both on level ground.
+    """A homogeneous layer of floating particles, such as fog and dust, on level ground.
 
     Attributes:
         extinction_per_m: Extinction coefficient in the visible.
         depth_m: Height of its top above the ground.
-        droplet_um: Diameter of the droplets.
         ground_albedo: Albedo of the ground.
-        dust_fraction: Fraction of the extinction that is dust's.
-        dust_albedo: Fraction of the light that dust meets which it scatters; it absorbs the rest.
-        dust_g: Mean cosine of its phase function, of Henyey and Greenstein.
+        scatterers: The particles.
     """
 
     extinction_per_m: float
     depth_m: float
-    droplet_um: float
     ground_albedo: float
-    dust_fraction: float = 0.0
-    dust_albedo: float = 1.0
-    dust_g: float = 0.0
-
-    @property
-    def lobes(self) -> DropletPhaseLobes:
-        """Phase function of the droplets."""
-        return DropletPhaseLobes.from_diameter_um(self.droplet_um)
+    scatterers: tuple[Scatterer, ...]
 
     @property
     def narrow_fraction(self) -> float:
-        """Fraction of the extinction that scatters by the droplets' narrow lobe."""
-        return (1.0 - self.dust_fraction) * self.lobes.narrow_fraction
+        """Fraction of the extinction that scatters by narrow lobes."""
+        return sum(item.fraction * item.lobes.narrow_fraction for item in self.scatterers)
+
+    @property
+    def narrow_g(self) -> float:
+        """Mean cosine of the narrowest lobe."""
+        return max(item.lobes.narrow_g for item in self.scatterers)
 
     @property
     def wide_fraction(self) -> float:
         """Fraction of the extinction that scatters in any other way."""
-        by_dust = self.dust_fraction * self.dust_albedo
-        return (1.0 - self.dust_fraction) * self.lobes.wide_fraction + by_dust
+        return sum(item.wide_fraction for item in self.scatterers)
 
     def wide_phase(self, cosine: FloatArray) -> FloatArray:
-        """Evaluate the phase function (n,) of what `wide_fraction` scatters."""
-        by_dust = self.dust_fraction * self.dust_albedo / self.wide_fraction
-        dust = henyey_greenstein(cosine, self.dust_g)
-        return (1.0 - by_dust) * self.lobes.wide_phase(cosine) + by_dust * dust
+        """Evaluate the phase function (n,) of the light that `wide_fraction` scatters."""
+        first, *others = self.scatterers
+        shares = [item.wide_fraction / self.wide_fraction for item in others]
+        phase = (1.0 - sum(shares)) * first.lobes.wide_phase(cosine)
+        for item, share in zip(others, shares, strict=True):
+            phase = phase + share * item.lobes.wide_phase(cosine)
+        return phase
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,7 +294,7 @@ class FogRadiance:
         if self._forward_lx > 0.0:
             for order, probability in enumerate(self._orders):
                 if probability > 1e-6 and order + more > 0:
-                    g = self._bank.lobes.narrow_g ** (order + more)
+                    g = self._bank.narrow_g ** (order + more)
                     total += self._forward_lx * probability * henyey_greenstein(cosine, g)
         return total
 

@@ -115,7 +115,7 @@ class LampBeam:
     ) -> FloatArray:
         """Compute `relative_intensity` after droplets have deflected all light a little.
 
-        The cut-off dissolves over the spread (...) of `DropletPhaseLobes.forward_spread_rad`; the
+        The cut-off dissolves over the spread (...) of `PhaseLobes.forward_spread_rad`; the
         beam is so wide that only its height matters, for which an even beam of
         `equivalent_height_deg` is taken.
         """

@@ -26,10 +26,11 @@ def henyey_greenstein(cosine: FloatArray, g: float) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class DropletPhaseLobes:
-    """Phase function of fog droplets of 5 to 50 um, as a narrow and a wide lobe.
+class PhaseLobes:
+    """Phase function of particles in the air, as a narrow and a wide lobe.
 
-    A Henyey-Greenstein and a Draine lobe, fitted to Mie theory by Jendersie and d'Eon (2023).
+    A Henyey-Greenstein and a Draine lobe; of fog droplets of 5 to 50 um fitted to Mie theory by
+    Jendersie and d'Eon (2023).
 
     Attributes:
         narrow_g: Mean cosine of the narrow lobe, a Henyey-Greenstein function.
@@ -44,7 +45,7 @@ class DropletPhaseLobes:
     wide_fraction: float
 
     @classmethod
-    def from_diameter_um(cls, diameter_um: float) -> "DropletPhaseLobes":
+    def from_diameter_um(cls, diameter_um: float) -> "PhaseLobes":
         """Compute the lobes of droplets of a diameter, by the fit's four formulas."""
         d = diameter_um
         return cls(
@@ -53,6 +54,11 @@ class DropletPhaseLobes:
             wide_a=math.exp(3.62489 - 8.29288 / (d + 5.52825)),
             wide_fraction=math.exp(-0.599085 / (d - 0.641583) - 0.665888),
         )
+
+    @classmethod
+    def from_mean_cosine(cls, g: float) -> "PhaseLobes":
+        """Build a Henyey-Greenstein function alone, of irregular grains."""
+        return cls(narrow_g=0.0, wide_g=g, wide_a=0.0, wide_fraction=1.0)
 
     @property
     def narrow_fraction(self) -> float:

@@ -10,6 +10,7 @@ from advercity_dsl.units import KM_H_PER_M_S
 from advercity.physics import water
 from advercity.physics.constants import GRAVITY_M_S2
 from advercity.physics.extinction import compute_extinction
+from advercity.physics.weather_parts.part import list_deposits
 
 REACTION_TIME_S = 1.5
 """Time from perception to braking of surprised drivers (Green, Transportation Human Factors 2,
@@ -19,10 +20,13 @@ DEFAULT_GRIP = TyreFriction(dry=0.8, wet=0.5, snow=0.25, used_share=0.5)
 
 
 def friction_coefficient(grip: TyreFriction, weather: Weather) -> float:
-    """Compute the coefficient of friction in the wheel ruts, by their wetness, ice and snow."""
+    """Compute the coefficient of friction in the wheel ruts, by water, ice and what lies there."""
     bare = grip.dry + (grip.wet - grip.dry) * weather.surface.wetness
     bare += (grip.ice - bare) * water.compute_ice_cover(weather.surface.ice_mm)
-    return bare + (grip.snow - bare) * weather.snow.rut_coverage
+    for deposit in list_deposits(weather):
+        covered = grip.snow if deposit.friction is None else deposit.friction
+        bare += (covered - bare) * deposit.rut_coverage
+    return bare
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from advercity_dsl.keyframes import replace_value
 from advercity.geometry.arrays import Float64Array
 from advercity.physics import sky
 from advercity.physics.atmosphere import (
-    DUST_LAYER_M,
     Atmosphere,
     LandUse,
     change_air_and_ground,
@@ -150,17 +149,20 @@ def _describe_light(weather: Weather) -> list[float]:
     """Describe the light by numbers whose differences can be compared: logarithms and fractions."""
     light, night = sky.daylight_for_weather(weather), weather.night
     air = compute_extinction(weather)
-    fog_depth = air["fog"].at_550nm * weather.fog.depth_m
+    of_droplets, of_grains = (
+        sum(depth for part, depth in air.layers if bool(part.droplet_um) == is_wet)
+        for is_wet in (True, False)
+    )
     by_lamps = (night.glow_cd_m2, night.street_lx) if weather.time == "night" else ()
     return [
         math.log(light.diffuse_lx + 1e-3),
         math.log(light.direct_lx + 1.0),
         weather.sky.oktas / 8.0,
         math.log(weather.sky.turbidity),
-        math.exp(-fog_depth),
+        math.exp(-of_droplets),
         compute_fog_light_fraction(air),
-        math.log(2.0 + 0.13 * fog_depth),
-        math.log1p(air["dust"].at_550nm * DUST_LAYER_M),
+        math.log(2.0 + 0.13 * of_droplets),
+        math.log1p(of_grains),
         sky.ground_albedo(weather.snow.depth_mm / 1000.0),
         math.exp(-air.at_550nm * NIGHT_PATH_M) if weather.time == "night" else 0.0,
         *(math.log(value + 1e-4) for pair in by_lamps for value in (pair.urban, pair.rural)),

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from advercity_dsl import Weather
 
-from advercity.physics.weather_parts.part import iterate_parts
+from advercity.physics.weather_parts.part import iterate_parts, list_deposits
 
 CLOUD_TERMS = ((0, "clear"), (2, "few clouds"), (4, "scattered clouds"), (7, "broken clouds"))
 """Highest cover in eighths for each term; 8 is overcast."""
@@ -27,9 +27,10 @@ def _describe_parts(weather: Weather) -> Iterator[str]:
         yield from physics.list_words(part, weather)
     oktas = weather.sky.oktas
     yield next((name for highest, name in CLOUD_TERMS if oktas <= highest), "overcast")
-    snow, surface = weather.snow, weather.surface
-    if snow.road_coverage:
-        yield f"{snow.road_coverage:.0%} of the road under snow"
+    for deposit in list_deposits(weather):
+        if deposit.road_coverage:
+            yield f"{deposit.road_coverage:.0%} of the road under {deposit.name}"
+    surface = weather.surface
     if surface.ice_mm:
         yield f"{surface.ice_mm:g} mm of ice"
     if surface.puddle_coverage:

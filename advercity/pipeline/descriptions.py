@@ -37,6 +37,7 @@ from advercity.physics.extinction import (
 from advercity.physics.moonlight import compute_moonlight
 from advercity.physics.sky import daylight_for_weather, derive_daylight
 from advercity.physics.stopping import compute_stopping_distance
+from advercity.physics.weather_parts.part import list_deposits
 from advercity.physics.weather_text import format_weather
 from advercity.recordings.track_file import unpack_tracks
 from advercity.roads.junction_arms import JunctionArms
@@ -182,11 +183,14 @@ def _describe_sun_time(sun: Sun) -> Description:
 
 
 def _describe_ground(weather: Weather) -> str:
-    surface, snow, rain = weather.surface, weather.snow, weather.rain
+    surface, rain = weather.surface, weather.rain
     facts = [
         f"wetness {surface.wetness:g}",
         f"puddles {surface.puddle_coverage:.0%}",
-        f"snow {snow.depth_mm:g} mm on {snow.road_coverage:.0%} of the road",
+        *(
+            f"{item.name} {1000 * item.depth_m:g} mm on {item.road_coverage:.0%} of the road"
+            for item in list_deposits(weather)
+        ),
     ]
     if surface.ice_mm:
         facts.append(f"ice {surface.ice_mm:g} mm")

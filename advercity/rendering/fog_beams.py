@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from advercity.geometry.arrays import Float32Array, Float64Array, FloatArray
 from advercity.physics.lamp_beams import FRONT_FOG_BEAM, LOW_BEAM, LampBeam
-from advercity.physics.scattering import DropletPhaseLobes
+from advercity.physics.scattering import PhaseLobes
 from advercity.physics.sky import GROUND_ALBEDO
 from advercity.randomness import create_generator
 from advercity.rendering.light_sources import FOG_LAMP_HEIGHT_M, FOG_LAMP_TILT_RAD, LAMP_HEIGHT_M
@@ -55,7 +55,7 @@ def compute_fog_beams(
 
 @cache
 def _compute_tables(extinction_step: int, ground_albedo: float) -> Float32Array:
-    wide_fraction = DropletPhaseLobes.from_diameter_um(DROPLET_UM).wide_fraction
+    wide_fraction = PhaseLobes.from_diameter_um(DROPLET_UM).wide_fraction
     extinction = wide_fraction * EXTINCTION_RATIO**extinction_step
     grids = [
         trace_beam(LOW_BEAM, LAMP_HEIGHT_M, 0.0, extinction, ground_albedo),
@@ -177,7 +177,7 @@ def _distance_to_ground(position: Float64Array, ray: Float64Array) -> Float64Arr
 def _scatter(ray: Float64Array, generator: Generator) -> Float64Array:
     """Draw directions (n, 3) of light from rays (n, 3) after a scattering by the wide lobe."""
     cosine = np.cos(np.linspace(0.0, math.pi, PHASE_STEPS))
-    phase = DropletPhaseLobes.from_diameter_um(DROPLET_UM).wide_phase(cosine)
+    phase = PhaseLobes.from_diameter_um(DROPLET_UM).wide_phase(cosine)
     cumulative = np.cumsum(phase * np.sqrt(1.0 - cosine**2))
     drawn = np.interp(generator.random(len(ray)) * cumulative[-1], cumulative, cosine)
     turn = generator.random(len(ray)) * 2.0 * math.pi

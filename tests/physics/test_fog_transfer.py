@@ -10,11 +10,13 @@ from advercity.geometry.arrays import FloatArray
 from advercity.physics.fog_transfer import (
     FogBank,
     FogRadiance,
+    Scatterer,
     ScatteringLayer,
     Streams,
     compute_fog_radiance,
 )
 from advercity.physics.photometry import cubemap_directions, horizontal_illuminance
+from advercity.physics.scattering import PhaseLobes
 from advercity.physics.sky import direction_from_elevation_azimuth
 
 Array = NDArray[np.float64]
@@ -31,7 +33,8 @@ def fog(
     def even(directions: Array) -> Array:
         return np.full(directions.shape[:-1], sky_cd_m2)
 
-    bank = FogBank(depth / 100.0, 100.0, 12.0, albedo)
+    droplets = Scatterer(1.0, PhaseLobes.from_diameter_um(12.0))
+    bank = FogBank(depth / 100.0, 100.0, albedo, (droplets,))
     return compute_fog_radiance(bank, sun=SOUTH_AT_60, direct_lx=direct_lx, sky=even)
 
 

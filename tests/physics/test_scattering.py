@@ -30,7 +30,7 @@ import pytest
 
 from advercity.geometry.arrays import FloatArray
 from advercity.physics.extinction import extinction_from_mor
-from advercity.physics.scattering import DropletPhaseLobes, PhaseFunction, henyey_greenstein
+from advercity.physics.scattering import PhaseFunction, PhaseLobes, henyey_greenstein
 
 MOR_75 = extinction_from_mor(75.0)
 NODE, WEIGHT = np.polynomial.legendre.leggauss(300)
@@ -66,7 +66,7 @@ def isotropic_phase(cosine: FloatArray) -> FloatArray:
 
 
 def droplet_phase(cosine: FloatArray, diameter_um: float = 12.0) -> FloatArray:
-    lobes = DropletPhaseLobes.from_diameter_um(diameter_um)
+    lobes = PhaseLobes.from_diameter_um(diameter_um)
     narrow = henyey_greenstein(cosine, lobes.narrow_g)
     return lobes.narrow_fraction * narrow + lobes.wide_fraction * lobes.wide_phase(cosine)
 
@@ -139,7 +139,7 @@ def test_a_lamp_30_metres_away_has_its_halo(
 @pytest.mark.parametrize("depth", [0.5, 2.0, 4.0])
 def test_a_target_keeps_of_its_light_what_single_photons_bring_to_the_eye(depth: float) -> None:
     """Photons from the eye, deflected wherever they are scattered, that still meet a disc."""
-    lobes, photons = DropletPhaseLobes.from_diameter_um(12.0), 40_000
+    lobes, photons = PhaseLobes.from_diameter_um(12.0), 40_000
     random, distance_m = np.random.default_rng(5), 40.0
     narrow_depth = lobes.narrow_fraction * depth
     counts = random.poisson(narrow_depth, photons)
@@ -159,14 +159,14 @@ def test_a_target_keeps_of_its_light_what_single_photons_bring_to_the_eye(depth:
 
 
 def test_specks_keep_direct_light_and_walls_all_that_is_deflected_little() -> None:
-    lobes = DropletPhaseLobes.from_diameter_um(12.0)
+    lobes = PhaseLobes.from_diameter_um(12.0)
     speck, wall = lobes.fraction_kept(np.array(2.0), np.array([1e-7, 1.5]))
     assert speck == pytest.approx(math.exp(-2.0), rel=1e-3)
     assert wall == pytest.approx(math.exp(-2.0 * lobes.wide_fraction), rel=0.02)
 
 
 def test_deflections_within_an_angle_add_up_to_what_a_disc_keeps() -> None:
-    lobes, depth = DropletPhaseLobes.from_diameter_um(12.0), np.array(1.5)
+    lobes, depth = PhaseLobes.from_diameter_um(12.0), np.array(1.5)
     spread = lobes.forward_spread_rad(lobes.narrow_fraction * depth)
     edge = np.linspace(0.0, 0.2, 20_001)
     within = lobes.deflection_density((edge[1:] + edge[:-1]) / 2.0, spread).sum() * 0.2 / 20_000
@@ -176,7 +176,7 @@ def test_deflections_within_an_angle_add_up_to_what_a_disc_keeps() -> None:
 
 
 def test_halos_gain_by_repeated_deflections_what_depth_and_angle_say() -> None:
-    lobes = DropletPhaseLobes.from_diameter_um(12.0)
+    lobes = PhaseLobes.from_diameter_um(12.0)
     near, far = np.array(1e-4), np.array(0.5)
     assert lobes.deflection_gain(far, np.array(1e-3)) == pytest.approx(1.0, abs=2e-3)
     # Straight on, what other turns widen is missing; far to the side it is what comes.

@@ -6,6 +6,7 @@ from advercity_dsl import Weather
 from advercity_dsl.weather_components import Dust
 
 from advercity.physics.extinction import extinction_from_mor
+from advercity.physics.scattering import PhaseLobes
 from advercity.physics.weather_parts.part import Extinction, PartPhysics, Suspension
 
 TERMS = ((500, "severe dust storm"), (1000, "dust storm"))
@@ -17,6 +18,8 @@ INFRARED_FACTOR = 0.4
 INFRARED_DEPTH_M = 2200.0
 """Height of dust in the infrared, as of water vapour."""
 LIDAR_RATIO_SR = 50.0
+LAYER_M = 300.0
+"""Depth of even dust with the optical depth of a storm's: 3 at a visibility of 300 m."""
 
 
 def find_grains(dust: Dust) -> Suspension | None:
@@ -31,6 +34,9 @@ def find_grains(dust: Dust) -> Suspension | None:
         dust.mor_m,
         INFRARED_DEPTH_M,
         INFRARED_FACTOR,
+        layer_m=LAYER_M,
+        lobes=PhaseLobes.from_mean_cosine(dust.g),
+        albedo=dust.ssa_rgb,
         lidar_ratio_sr=LIDAR_RATIO_SR,
     )
 
@@ -41,4 +47,4 @@ def _list_words(dust: Dust, weather: Weather) -> Iterator[str]:
         yield next((name for below, name in TERMS if mor_m < below), "dust in the air")
 
 
-PHYSICS = PartPhysics(find_grains, _list_words)
+PHYSICS = PartPhysics(find_grains, list_words=_list_words)

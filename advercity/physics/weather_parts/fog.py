@@ -6,6 +6,7 @@ from advercity_dsl import Weather
 from advercity_dsl.weather_components import Fog
 
 from advercity.physics.extinction import extinction_from_mor
+from advercity.physics.scattering import PhaseLobes
 from advercity.physics.weather_parts.part import Extinction, PartPhysics, Suspension
 
 TERMS = ((50, "dense fog"), (200, "thick fog"), (1000, "fog"))
@@ -24,6 +25,8 @@ def find_droplets(fog: Fog) -> Suspension | None:
         Extinction(visible, visible),
         fog.mor_m,
         infrared_depth_m=fog.depth_m,
+        layer_m=fog.depth_m,
+        lobes=PhaseLobes.from_diameter_um(fog.droplet_um),
         lidar_ratio_sr=LIDAR_RATIO_SR,
         droplet_um=fog.droplet_um,
     )
@@ -35,4 +38,4 @@ def _list_words(fog: Fog, weather: Weather) -> Iterator[str]:
         yield next((name for below, name in TERMS if mor_m < below), "mist")
 
 
-PHYSICS = PartPhysics(find_droplets, _list_words)
+PHYSICS = PartPhysics(find_droplets, list_words=_list_words)

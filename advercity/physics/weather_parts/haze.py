@@ -30,4 +30,4 @@ def _list_words(air: Air, weather: Weather) -> Iterator[str]:
         yield "haze"
 
 
-PHYSICS = PartPhysics(find_haze, _list_words)
+PHYSICS = PartPhysics(find_haze, list_words=_list_words)

@@ -13,8 +13,10 @@ import numpy as np
 from advercity_dsl import Weather
 
 from advercity.geometry.arrays import FloatArray
+from advercity.physics.scattering import PhaseLobes
 
 WATER_DENSITY_G_M3 = 1e6
+_ISOTROPIC = PhaseLobes.from_mean_cosine(0.0)
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,9 @@ class Suspension:
         mor_m: Visibility that they alone leave, which sets the extinction.
         infrared_depth_m: Height up to which they are in the infrared sky.
         infrared_factor: Extinction from 8 to 14 um relative to 550 nm; droplets follow Mie.
+        layer_m: Depth of the layer that scatters daylight; None if it is part of the clear sky.
+        lobes: Their phase function in such a layer.
+        albedo: Fraction of red, green and blue light that they scatter; the rest is absorbed.
         lidar_ratio_sr: Extinction over backscatter at 905 nm; None if no LiDAR detects them.
         droplet_um: Effective diameter of droplets of water; None for all else.
     """
@@ -47,6 +52,9 @@ class Suspension:
     mor_m: float = math.inf
     infrared_depth_m: float = 0.0
     infrared_factor: float = 1.0
+    layer_m: float | None = None
+    lobes: PhaseLobes = _ISOTROPIC
+    albedo: tuple[float, float, float] = (1.0, 1.0, 1.0)
     lidar_ratio_sr: float | None = None
     droplet_um: float | None = None
 
@@ -133,6 +141,25 @@ class Precipitation:
 AirPart = Suspension | Precipitation
 
 
+@dataclass(frozen=True)
+class Deposit:
+    """A part of the weather that lies on the ground.
+
+    Attributes:
+        name: Name of the part.
+        depth_m: Depth in the open.
+        road_coverage: Fraction of the carriageway under it.
+        rut_coverage: Fraction of the wheel ruts under it.
+        friction: Coefficient of tyres on it; None if it is the drivers' friction on snow.
+    """
+
+    name: str
+    depth_m: float
+    road_coverage: float
+    rut_coverage: float
+    friction: float | None = None
+
+
 def _list_no_words(part: Any, weather: Weather) -> Iterable[str]:
     return ()
 
@@ -143,11 +170,13 @@ class PartPhysics:
 
     Attributes:
         find_particles: Its particles in the air; None if it has none.
+        find_deposit: Its particles on the ground; None if none lie there.
         list_words: Its terms in texts, of the value and its weather.
         list_quantities: Its quantities in datasets, by name with the unit at its end.
     """
 
     find_particles: Callable[[Any], AirPart | None]
+    find_deposit: Callable[[Any], Deposit | None] = lambda part: None
     list_words: Callable[[Any, Weather], Iterable[str]] = _list_no_words
     list_quantities: Callable[[Any], Mapping[str, float]] = lambda part: {}
 
@@ -166,3 +195,9 @@ def iterate_parts(weather: Weather) -> Iterator[tuple[PartPhysics, Any]]:
     """Iterate over the parts of a weather, also those that are absent: effects and value."""
     for name, physics in load_all_physics().items():
         yield physics, getattr(weather, name)
+
+
+def list_deposits(weather: Weather) -> list[Deposit]:
+    """List what lies on the ground in a weather, in the order of the parts."""
+    found = (physics.find_deposit(part) for physics, part in iterate_parts(weather))
+    return [deposit for deposit in found if deposit is not None]

@@ -11,6 +11,7 @@ from advercity.geometry.arrays import FloatArray
 from advercity.physics.extinction import mor_from_extinction
 from advercity.physics.microwaves import ICE_PERMITTIVITY, mix_permittivities, water_permittivity
 from advercity.physics.weather_parts.part import (
+    Deposit,
     ParticleSizeDistribution,
     PartPhysics,
     Precipitation,
@@ -74,6 +75,15 @@ def _list_words(snow: Snow, weather: Weather) -> Iterator[str]:
         yield next(name for below, name in TERMS if mor_m < below)
 
 
+def _find_deposit(snow: Snow) -> Deposit | None:
+    if not (snow.depth_mm or snow.road_coverage):
+        return None
+    return Deposit("snow", snow.depth_mm / 1000.0, snow.road_coverage, snow.rut_coverage)
+
+
 PHYSICS = PartPhysics(
-    find_flakes, list_words=_list_words, list_quantities=lambda snow: {"snow_mm_h": snow.rate_mm_h}
+    find_flakes,
+    _find_deposit,
+    _list_words,
+    list_quantities=lambda snow: {"snow_mm_h": snow.rate_mm_h},
 )

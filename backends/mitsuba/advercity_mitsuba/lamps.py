@@ -21,7 +21,7 @@ from advercity.physics.lamp_beams import (
     LampPattern,
     LightSource,
 )
-from advercity.physics.scattering import DropletPhaseLobes
+from advercity.physics.scattering import PhaseLobes
 from advercity.rendering.backend import CameraView
 from advercity.rendering.fog_beams import DROPLET_UM
 from advercity.rendering.light_sources import FOG_LAMP_HEIGHT_M, LAMP_HEIGHT_M
@@ -45,7 +45,7 @@ LAMP_SIZE_M2, FOG_LAMP_SIZE_M2 = 0.01, 0.4
 """Squared size, nearer than which a lamp is not a point. A fog lamp represents two."""
 GLOW_DRAWS = 24
 """Lamps of which a path has the glow in the air."""
-LOBES = DropletPhaseLobes.from_diameter_um(DROPLET_UM)
+LOBES = PhaseLobes.from_diameter_um(DROPLET_UM)
 MAX_GAINED_DEPTH = 8.0
 """Optical depth beyond which halos gain no more by repeated deflection."""
 LEAST_COSINE = 0.05

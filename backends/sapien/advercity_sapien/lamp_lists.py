@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from advercity.geometry.arrays import Float32Array, FloatArray
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.lamp_beams import BEAMS, LENS, LOW_BEAM, LampPattern, LightSource
-from advercity.physics.scattering import DropletPhaseLobes
+from advercity.physics.scattering import PhaseLobes
 from advercity.rendering.backend import CameraView
 from advercity.rendering.fog_beams import DROPLET_UM
 from advercity_sapien.shader_table import (
@@ -43,7 +43,7 @@ The airlight is no measure: it belongs to air without end, and clear air hides n
 """
 MAX_SCATTERED_FRACTION = 0.05
 """Greatest ratio of light scattered out of a beam by fog, at a point, to its light in clear air."""
-DROPLETS = DropletPhaseLobes.from_diameter_um(DROPLET_UM)
+DROPLETS = PhaseLobes.from_diameter_um(DROPLET_UM)
 STREET_LAMP_HEIGHT_M = 6.0
 """Least height of a street lamp above lit surfaces."""
 LOW_BEAM_SIGMA_RAD = np.radians(LOW_BEAM.horizontal_sigma_deg)

@@ -26,7 +26,7 @@ from advercity.physics.lamp_beams import (
     LampBeam,
     LampPattern,
 )
-from advercity.physics.scattering import DropletPhaseLobes
+from advercity.physics.scattering import PhaseLobes
 from advercity.rendering.fog_beams import DROPLET_UM, FOG_BEAM_NODES, grid_corners
 from advercity.rendering.ground_maps import NEUTRAL_WEAR, WEAR_STEPS, WEAR_TONE
 from advercity.rendering.lamp_lenses import LENS_KCD_M2, TAIL_LAMP_KCD_M2, LensKind
@@ -128,7 +128,7 @@ def _format_constants() -> Iterator[str]:
     yield from _format_integers("LIT", signals)
     ratio = {"RATIO_BIT": LIGHT_RATIO_BIT, "RATIO_STEPS": LIGHT_RATIO_STEPS}
     yield from _format_integers("LIGHT", ratio)
-    lobes = DropletPhaseLobes.from_diameter_um(DROPLET_UM)
+    lobes = PhaseLobes.from_diameter_um(DROPLET_UM)
     # As many digits as the golden images were made with.
     yield from (
         f"const float {name} = {value};"

@@ -12,7 +12,7 @@ from advercity.frames import Lamp, Signal
 from advercity.geometry.poses import pose_matrix
 from advercity.physics.extinction import extinction_from_mor
 from advercity.physics.lamp_beams import intensity_towards
-from advercity.physics.scattering import DropletPhaseLobes
+from advercity.physics.scattering import PhaseLobes
 from advercity.rendering.backend import RenderProfile
 from advercity.rendering.fog_beams import compute_fog_beams
 from advercity.rendering.light_sources import list_light_sources
@@ -64,7 +64,7 @@ def test_light_of_a_thin_bar_that_fog_deflects_is_even_along_it_and_all_there() 
             return luminance(renderer.render_camera(view_of(slanting, size=(240, 160))))
 
     wall, bar = (render(height, "white") - render(height, "black") for height in (60.0, width))
-    lobes = DropletPhaseLobes.from_diameter_um(12.0)
+    lobes = PhaseLobes.from_diameter_um(12.0)
     depth = lobes.narrow_fraction * extinction_from_mor(60.0) * distance
     spread = float(lobes.forward_spread_rad(np.array(depth)))
     # Light of a line deflected to an angle beside it: the integral of the Cauchy
