@@ -7,9 +7,12 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import sumo
+from advercity_dsl.registry import Registered
 from advercity_dsl.sensor_kinds import load_sensor_kinds
+from advercity_dsl.weather_parts import load_weather_parts
 
 from advercity import __version__
 from advercity.assets.catalogue import load_catalogue_blueprints
@@ -50,7 +53,8 @@ def _run_checks() -> Iterator[CheckResult]:
         yield "backend mitsuba", True, _NO_MITSUBA
     for package in ("embreex", "rerun-sdk", "opencv-python-headless"):
         yield package, True, version(package)
-    yield from _check_sensors()
+    yield from _check_others("sensor", load_sensor_kinds())
+    yield from _check_others("weather", load_weather_parts())
     yield from _check_packages()
     yield _run_check("cache", _check_cache)
 
@@ -78,12 +82,11 @@ def _check_backend(name: str) -> str:
     return f"{found.device}, {rays}"
 
 
-def _check_sensors() -> Iterator[CheckResult]:
-    """Check the kinds of sensors of other distributions."""
-    kinds = load_sensor_kinds()
-    for name, distribution in kinds.distributions.items():
-        reason = kinds.broken.get(name)
-        yield f"sensor {name}", reason is None, reason or f"{distribution} {version(distribution)}"
+def _check_others(title: str, found: Registered[Any]) -> Iterator[CheckResult]:
+    """Check the kinds of sensors, or the parts of the weather, of other distributions."""
+    for name, distribution in found.distributions.items():
+        reason = found.broken.get(name)
+        yield f"{title} {name}", reason is None, reason or f"{distribution} {version(distribution)}"
 
 
 def _check_packages() -> Iterator[CheckResult]:

@@ -10,6 +10,7 @@ import numpy as np
 from advercity_dsl import Model, Spec
 from advercity_dsl.base import is_empty
 from advercity_dsl.sensor_kinds import CORE_KINDS, load_sensor_kinds
+from advercity_dsl.weather_parts import CORE_PARTS, load_weather_parts
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from advercity import __version__
@@ -148,7 +149,10 @@ class Identity(Model):
             rounding_sha256=compute_rounding_digest(),
             code_sha256=compute_source_digest(*CODE_PACKAGES),
             versions={"advercity": __version__}
-            | {name: version(name) for name in (*VERSIONED_PACKAGES, *_list_sensor_packages(spec))},
+            | {
+                name: version(name)
+                for name in (*VERSIONED_PACKAGES, *_list_packages_of_others(spec))
+            },
         )
 
     @property
@@ -307,10 +311,15 @@ def list_kinds_of_others(spec: Spec) -> set[str]:
     }
 
 
-def _list_sensor_packages(spec: Spec) -> set[str]:
-    """List the third-party distributions of a spec's sensors."""
-    distributions = load_sensor_kinds().distributions
-    return {distributions[kind] for kind in list_kinds_of_others(spec)}
+def _list_packages_of_others(spec: Spec) -> set[str]:
+    """List the third-party distributions of a spec's sensors and parts of the weather."""
+    sensors, parts = load_sensor_kinds().distributions, load_weather_parts()
+    states = (spec.weather, *spec.weather.keyframes)
+    return {sensors[kind] for kind in list_kinds_of_others(spec)} | {
+        parts.distributions[name]
+        for name in parts.found.keys() - CORE_PARTS.keys()
+        if any(name in state.model_dump(include={name}) for state in states)
+    }
 
 
 def _format_first_error(error: ValidationError) -> str:

@@ -28,14 +28,21 @@ WHISKERS = ", 'whisker': {'mounts': [{}, {}]}"
 RIG = f"Rig(id='a', vehicle={{'camera': {{'mounts': [{{}}]}}, 'lidar': {{}}{WHISKERS}}})"
 
 
-def install(folder: Path, *, module: str = MODULE, **entries: str) -> None:
+def install(
+    folder: Path,
+    *,
+    name: str = "whiskers",
+    module: str = MODULE,
+    group: str = "advercity.sensors",
+    **entries: str,
+) -> None:
     """Install a distribution with entry points, by name, into a folder."""
-    (folder / "whiskers.py").write_text(module)
-    info = folder / "whiskers-1.dist-info"
+    (folder / f"{name}.py").write_text(module)
+    info = folder / f"{name}-1.dist-info"
     info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: whiskers\nVersion: 1\n")
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n")
     lines = [f"{name} = {value}" for name, value in entries.items()]
-    (info / "entry_points.txt").write_text("\n".join(["[advercity.sensors]", *lines, ""]))
+    (info / "entry_points.txt").write_text("\n".join([f"[{group}]", *lines, ""]))
 
 
 def run(folder: Path, code: str) -> str:
