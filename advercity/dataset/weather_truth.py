@@ -1,8 +1,6 @@
 """The weather as datasets state it: quantities that do not depend on how it was written."""
 
 import math
-from collections.abc import Iterator
-from typing import Any
 
 from advercity_dsl import Model, Weather
 from advercity_dsl.base import is_empty
@@ -52,11 +50,9 @@ class WeatherTruth(Model):
             puddle_coverage=weather.surface.puddle_coverage,
             temperature_c=weather.temperature_c,
             ice_mm=weather.surface.ice_mm,
-            **dict(_list_quantities(weather)),
+            **{
+                name: value
+                for physics, part in iterate_parts(weather)
+                for name, value in physics.list_quantities(part).items()
+            },
         )
-
-
-def _list_quantities(weather: Weather) -> Iterator[tuple[str, Any]]:
-    """List the quantities of the parts of a weather, by name."""
-    for physics, part in iterate_parts(weather):
-        yield from physics.list_quantities(part).items()

@@ -52,6 +52,28 @@ def test_white_ground_under_fog_and_an_even_sky_is_as_bright_as_the_sky(depth: f
     np.testing.assert_allclose(light.airlight_growth(ALL_ROUND), 0.0, atol=5e-3)
 
 
+def test_a_bank_of_three_shares_of_the_same_droplets_is_as_bright_as_the_whole() -> None:
+    lobes = PhaseLobes.from_diameter_um(20.0)
+    shares = tuple(Scatterer(fraction, lobes, 0.9) for fraction in (0.5, 0.3, 0.2))
+    whole, mixed = (
+        compute_fog_radiance(
+            FogBank(0.03, 100.0, 0.1, scatterers),
+            sun=SOUTH_AT_60,
+            direct_lx=50_000.0,
+            sky=lambda up: np.full(up.shape[:-1], 1000.0),
+        )
+        for scatterers in ((Scatterer(1.0, lobes, 0.9),), shares)
+    )
+    for light in (whole, mixed):
+        assert light.sun_lx == pytest.approx(50_000.0 * math.exp(-3.0 / SOUTH_AT_60[2]))
+    np.testing.assert_allclose(
+        mixed.sky_luminance(ALL_ROUND), whole.sky_luminance(ALL_ROUND), rtol=1e-9
+    )
+    np.testing.assert_allclose(
+        mixed.airlight_luminance(ALL_ROUND), whole.airlight_luminance(ALL_ROUND), rtol=1e-9
+    )
+
+
 @pytest.mark.parametrize("depth", [1.0, 3.0, 6.0])
 def test_fog_lets_down_about_what_two_streams_let_down(depth: float) -> None:
     """Bohren 1987: T = 2 / (2 + (1 - g) depth), and what the ground sends back; coarse."""

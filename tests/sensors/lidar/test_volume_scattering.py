@@ -65,6 +65,13 @@ def test_the_last_return_is_behind_the_fog() -> None:
     assert (dual.range_m[::2] < dual.range_m[1::2]).all()
 
 
+def test_points_of_fog_with_dust_are_of_both_by_their_backscatter() -> None:
+    """Of dust twice as thick as fog: (2 x 0.95 / 50) / (2 x 0.95 / 50 + 1 / 18.8) = 0.417."""
+    found = measure(DARK, sky(), air={"mor_m": None}, fog={"mor_m": 60}, dust={"mor_m": 30})
+    assert set(found.kind) == {PointKind.FOG, PointKind.DUST}
+    assert (found.kind == PointKind.DUST).mean() == pytest.approx(0.417, abs=0.03)
+
+
 def test_dust_has_its_own_kind() -> None:
     found = measure(DARK, sky(), air={"mor_m": None}, dust={"mor_m": 30})
     assert set(found.kind) == {PointKind.DUST}
