@@ -1,7 +1,7 @@
-"""The Python interface: what `import advercity` gives, and what `advercity run` calls.
+"""The Python interface of `import advercity`, also called by `advercity run`.
 
 Paths may be strings. Every function raises `advercity.errors.InputError` for bad input, with file,
-line and column where a file is at fault, and `RunError` for what fails while it runs.
+line and column where a file is at fault, and `RunError` for failures of a run.
 """
 
 import os
@@ -36,7 +36,7 @@ def load_spec(
         path: The JSON file.
         weather: A weather file, or the name of a weather of the library. The traffic stays the
             same, with the same ids, poses and boxes.
-        library: Folders of the library; without any, the one that ships.
+        library: Folders of the library (default: the shipped one).
 
     Raises:
         InputError: The file is no spec of this version, or there is no such weather.
@@ -57,7 +57,7 @@ def simulate(spec: Spec) -> "TrafficResult":
         trace's SHA-256.
 
     Raises:
-        InputError: The spec asks for what its road does not have.
+        InputError: The road lacks a part named in the spec.
         RunError: The simulation fails.
     """
     from advercity.pipeline.preparation import load_or_simulate_traffic
@@ -67,11 +67,11 @@ def simulate(spec: Spec) -> "TrafficResult":
 
 @dataclass(frozen=True)
 class RunResult:
-    """What a run has made.
+    """Result of a run.
 
     Attributes:
         output: Folder of the dataset, or the URL of a store.
-        scenarios: How each scenario ended, in the order of the specs.
+        scenarios: Result of each scenario, in the order of the specs.
     """
 
     output: str
@@ -79,11 +79,11 @@ class RunResult:
 
     @property
     def failed(self) -> "tuple[ScenarioResult, ...]":
-        """Scenarios that ended with an error."""
+        """Results of failed scenarios."""
         return tuple(result for result in self.scenarios if result.error is not None)
 
     def raise_failures(self) -> None:
-        """Raise what failed; do nothing if every scenario succeeded.
+        """Raise an error if a scenario failed.
 
         Raises:
             AdvercityError: The only scenario failed.
@@ -94,7 +94,7 @@ class RunResult:
         raise_failures(self.scenarios)
 
     def open_dataset(self) -> "Dataset":
-        """Open the dataset that was written."""
+        """Open the dataset of the run."""
         from advercity.dataset.reader import open_dataset
 
         return open_dataset(self.output)
@@ -103,7 +103,7 @@ class RunResult:
 def run_batch(
     specs: Spec | Iterable[Spec], options: RunOptions, *, listener: "RunListener | None" = None
 ) -> RunResult:
-    """Run scenarios and return how each ended; what failed is in the result and not raised.
+    """Run scenarios and return their results; errors are in the result and not raised.
 
     Args:
         specs: One spec or several, with different ids.
@@ -146,14 +146,14 @@ def _take_options(
 
 @_take_options(RunOptions)
 def run(specs: Spec | Iterable[Spec], options: RunOptions) -> RunResult:
-    """Run scenarios: traffic, sensors, dataset. What is finished in `output` is not made again.
+    """Run scenarios: traffic, sensors, dataset. Finished frames in `output` are kept.
 
     Takes the fields of `RunOptions`: `advercity.run(spec, "output", profile="preview")`.
 
     Raises:
         InputError: A spec or an option does not fit, before anything is made.
-        AdvercityError: What failed, after all scenarios have ended, as `subprocess.run` does with
-            `check`; `run_batch` returns it.
+        AdvercityError: A scenario failed. Raised after all have ended, as `subprocess.run` does
+            with `check`; `run_batch` returns errors instead.
     """
     result = run_batch(specs, options)
     result.raise_failures()

@@ -1,4 +1,4 @@
-"""Options of a run, the one home of their names, texts, defaults and limits.
+"""Options of a run: names, help texts, defaults and limits.
 
 The command line and the Python interface are made from the fields of `RunOptions`.
 """
@@ -20,12 +20,12 @@ BYTES_PER_UNIT = {
 SECONDS_PER_UNIT = {"s": 1, "min": 60, "h": 3600, "d": 86_400}
 MIN_SCALE, MAX_SCALE = 0.01, 4.0
 ProfileName = Literal["auto", "preview", "full"]
-"""How well images are rendered; `auto` is what suits the device."""
+"""Quality of rendered images; `auto` suits the device."""
 ExecutorName = Literal["local", "ray"]
 CloudEncoding = Literal["binary", "binary_compressed"]
 """PCD's names of its encodings: points as they are, or field by field in LZF blocks."""
 CloudColour = Literal["intensity", "class", "kind"]
-"""What the colours of LiDAR points encode."""
+"""Meaning of the colours of LiDAR points."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class ResourceLimits:
 
 @dataclass(frozen=True)
 class RunResources:
-    """What a run may use.
+    """Processes and limits of a run.
 
     Attributes:
         worker_count: Processes at a time.
@@ -77,7 +77,7 @@ def parse_frames(text: str) -> slice:
 
 
 def format_frames(frames: slice) -> str:
-    """Format a slice of frames as `A:B` or `A:B:STEP`, as it is written on the command line."""
+    """Format a slice of frames as `A:B` or `A:B:STEP`, as on the command line."""
     parts = (frames.start, frames.stop, *([] if frames.step is None else [frames.step]))
     return ":".join("" if part is None else str(part) for part in parts)
 
@@ -125,7 +125,7 @@ class ViewerTarget:
         file: Recording (`.rrd`) to write.
         serve: Serve the view from this process.
         connect: Address of a running Rerun viewer.
-        cloud_colour: What the colours of LiDAR points encode.
+        cloud_colour: Meaning of the colours of LiDAR points.
         map_tiles: Show receivers on a map, whose tiles come from the Internet.
     """
 
@@ -143,13 +143,13 @@ class ViewerTarget:
 
 @dataclass(frozen=True)
 class Option:
-    """An option as the command line and the documents tell of it.
+    """Description of an option for the command line and the documents.
 
     Attributes:
-        text: What it does.
+        text: Help text.
         flag: Name on the command line; empty is the name of the field.
         metavar: Word for its value in the help.
-        parse: Converts what people write on the command line, which needs no default.
+        parse: Converts the text from the command line; not called for the default.
         at_least: Smallest value.
         at_most: Largest value.
     """
@@ -164,7 +164,7 @@ class Option:
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetOptions:
-    """Options that decide the content of a dataset, whoever makes it."""
+    """Options of a dataset's content, on any machine."""
 
     format: Annotated[str, Option("Layout of the dataset: opv2v or adver_city.")] = "opv2v"
     min_points: Annotated[
@@ -209,7 +209,7 @@ class RunOptions(DatasetOptions):
         Option(
             "Processes at a time (default: as many as suit the machine).",
             at_least=1,
-            at_most=1000,  # more than any machine has cores for
+            at_most=1000,  # above the cores of any machine
         ),
     ] = None
     max_memory_bytes: Annotated[
@@ -258,7 +258,7 @@ class RunOptions(DatasetOptions):
     )
 
     def __post_init__(self) -> None:
-        """Raise an InputError for values that fit no run; the backend checks the rest."""
+        """Raise an InputError for values of no use to any run; the backend checks the rest."""
         for name, (kind, option) in OPTIONS.items():
             _check_value(name, getattr(self, name), kind, option)
         check_frames(self.frames)
@@ -274,7 +274,7 @@ class RunOptions(DatasetOptions):
 
     @property
     def limits(self) -> ResourceLimits:
-        """Limits for each scenario that are asked for."""
+        """Requested limits for each scenario."""
         return ResourceLimits(self.max_memory_bytes, self.max_time_s)
 
     @property
@@ -284,7 +284,7 @@ class RunOptions(DatasetOptions):
 
 
 def _check_value(name: str, value: Any, kind: Any, option: Option) -> None:
-    """Raise an InputError for a value that its type or its limits do not allow."""
+    """Raise an InputError for a value outside its choices or limits."""
     if get_origin(kind) is Literal and value not in get_args(kind):
         raise InputError(f"`{name}` {value}: is none of {', '.join(get_args(kind))}")
     limits = (option.at_least, option.at_most)

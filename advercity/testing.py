@@ -1,6 +1,6 @@
-"""Helpers for tests of backends, sinks and tools of one's own: a fake backend and tiny worlds.
+"""Helpers for tests of your own backends, sinks and tools: a fake backend and tiny worlds.
 
-Nothing here needs a graphics driver, and nothing else in advercity imports it.
+They need no graphics driver. No other module of advercity imports them.
 """
 
 import functools
@@ -148,7 +148,7 @@ _CHANNEL_TABLES = {
     "azimuth_offsets_deg",
     "channel_efficiency",
 }
-"""Fields of a LiDAR for its own number of channels."""
+"""Fields of a LiDAR with a value per channel."""
 
 
 def with_small_sensors(
@@ -236,7 +236,7 @@ class FakeBackend:
     def open(
         self, world: World, atmosphere: Atmosphere, profile: RenderProfile
     ) -> Generator[Renderer]:
-        """Open a fake renderer; world, atmosphere and profile are not looked at."""
+        """Open a fake renderer; world, atmosphere and profile are ignored."""
         yield FakeRenderer()
 
 

@@ -16,22 +16,22 @@ from advercity.errors import InputError, RunError, explain_system_error
 def main() -> None:
     """Run the command line; 0 done, 1 failed while running, 2 bad input, 130 interrupted.
 
-    An interrupt is reported by `RootGroup`, since typer ends the process without a word. Signals
-    that ask the process to end have the exit codes that shells give them, such as 143 for SIGTERM.
+    `RootGroup` reports interrupts, since typer ends the process silently. Termination signals have
+    the exit codes of shells, such as 143 for SIGTERM.
     """
     _open_closed_streams()
-    # They unwind the stack like an exception, so that child processes and partial files go.
+    # The handler raises, so child processes end and partial files are removed.
     for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) != signal.SIG_IGN:  # as `nohup` leaves SIGHUP
+        if signal.getsignal(number) != signal.SIG_IGN:  # `nohup` ignores SIGHUP
             signal.signal(number, _end_by_signal)
     if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # names that the encoding lacks
+        sys.stdout.reconfigure(errors="backslashreplace")  # for names in other encodings
     notices = StderrHandler()
     logging.getLogger("advercity").addHandler(notices)
     try:
         app()
     except EndedBySignal as ended:
-        with suppress(OSError):  # of SIGHUP the terminal is gone
+        with suppress(OSError):  # after SIGHUP the terminal is gone
             exit_with_error(RunError(str(ended)), exit_code=128 + ended.number)
         sys.exit(128 + ended.number)
     except InputError as error:
@@ -49,29 +49,29 @@ def main() -> None:
 
 
 def _open_closed_streams() -> None:
-    """Open standard streams that are closed, as by `2>&-`, on nothing.
+    """Open closed standard streams, as after `2>&-`, on the null device.
 
-    Else the next files that are opened have their numbers, and messages of libraries go into them.
+    Else the next opened files get their numbers, and libraries write messages into them.
     """
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
-            opened = os.open(os.devnull, os.O_RDWR)  # it takes the lowest number that is free
-            os.set_inheritable(opened, True)  # processes that are started open files as well
-    # Python has None for those.
+            opened = os.open(os.devnull, os.O_RDWR)  # takes the lowest free number
+            os.set_inheritable(opened, True)  # child processes open files as well
+    # Python sets closed streams to None.
     sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)
     sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
 
 
 def _end_by_signal(number: int, frame: FrameType | None) -> None:
-    # What is being closed is not to be interrupted by a second one.
+    # A second signal must not interrupt the cleanup.
     signal.signal(number, _ignore_signal)
     raise EndedBySignal(number)
 
 
 def _ignore_signal(number: int, frame: FrameType | None) -> None:
-    """Do nothing; unlike `SIG_IGN`, child processes that start meanwhile do not inherit it."""
+    """Do nothing; unlike `SIG_IGN`, new child processes do not inherit it."""
 
 
 __all__ = ["app", "main"]

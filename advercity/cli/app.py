@@ -1,4 +1,4 @@
-"""The command line with all its commands, and where renamed commands and options are found now."""
+"""The command line with all its commands, and the new names of commands and options."""
 
 from typing import Annotated, Any
 
@@ -28,7 +28,7 @@ RENAMED_OPTIONS = {
 
 
 class StatusCommand(TyperCommand):
-    """Shows at a terminal that it runs: what it imports and loads may take seconds."""
+    """Shows its name at a terminal while it runs: imports and loading may take seconds."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
@@ -37,7 +37,7 @@ class StatusCommand(TyperCommand):
 
 
 class RootGroup(TyperGroup):
-    """Lists commands by what they are for, and answers an old name with the new one."""
+    """Lists commands by purpose, and answers an old name with the new one."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands below the heads of their panels."""
@@ -52,7 +52,7 @@ class RootGroup(TyperGroup):
                 formatter.write_dl(rows)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command that the arguments name."""
+        """Find the command named by the arguments."""
         if args[0] in RENAMED_COMMANDS:
             raise InputError(f"{args[0]} is now {RENAMED_COMMANDS[args[0]]}")
         return super().resolve_command(ctx, args)
@@ -89,7 +89,7 @@ PANELS = {
     "Dataset": datasets.commands,
     "Machine": machine,
 }
-"""Commands by what they are for."""
+"""Commands by purpose."""
 
 
 @machine.command()

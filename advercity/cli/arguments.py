@@ -1,4 +1,4 @@
-"""Arguments and options of several commands, and the values that people write in them."""
+"""Arguments and options shared by several commands, and parsers of their values."""
 
 from collections.abc import Callable
 from dataclasses import MISSING, fields
@@ -40,7 +40,7 @@ def name_option(field: str, option: Option) -> str:
 
 
 def describe_option(field: str) -> Any:
-    """Describe a parameter of a command as the field of `RunOptions` of that name."""
+    """Describe a parameter of a command like the field of `RunOptions` of the same name."""
     _, option = OPTIONS[field]
     return typer.Option(name_option(field, option), metavar=option.metavar, help=option.text)
 
@@ -50,7 +50,7 @@ AllowMissingModelsOption = Annotated[bool, describe_option("allow_missing_models
 
 
 def _find_typed_kind(kind: Any, option: Option) -> Any:
-    """Find the type that people write; `RunOptions` checks choices, in the words of the others."""
+    """Find the type for typer; `RunOptions` checks choices, with its own messages."""
     if option.parse is not None:
         return str | None
     return str if get_origin(kind) is Literal else kind
@@ -60,7 +60,7 @@ def take_options(*names: str) -> Callable[[Callable[..., None]], Callable[..., N
     """Give a command options of a run in place of its parameter `options`.
 
     Args:
-        names: Fields of `RunOptions`; without any, all of them.
+        names: Fields of `RunOptions` (default: all).
     """
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
@@ -97,7 +97,7 @@ def take_options(*names: str) -> Callable[[Callable[..., None]], Callable[..., N
 
 
 def find_libraries(folders: list[Path] | None) -> list[Path]:
-    """Return the folders that are named; else `library` in this folder, or the shipped one."""
+    """Return the given folders; else `library` in this folder, or the shipped one."""
     from advercity.compiler import find_shipped_library
 
     here = Path("library")
@@ -105,7 +105,7 @@ def find_libraries(folders: list[Path] | None) -> list[Path]:
 
 
 def split_names(text: str) -> list[str]:
-    """Split names at commas, without blanks around them; of an empty text there are none."""
+    """Split names at commas, without blanks around them; an empty text has none."""
     return [name.strip() for name in text.split(",")] if text.strip() else []
 
 

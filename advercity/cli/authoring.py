@@ -1,4 +1,4 @@
-"""Commands that compile, check, describe and start declarations."""
+"""Commands to compile, check, describe and start declarations."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

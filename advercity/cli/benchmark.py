@@ -1,4 +1,4 @@
-"""Commands that evaluate detectors."""
+"""Commands to train and evaluate detectors."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Commands about the cache: networks, traffic and scenes that runs share."""
+"""Commands for the cache: networks, traffic and scenes shared by runs."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""Commands about datasets."""
+"""Commands for datasets."""
 
 import re
 from collections.abc import Collection, Iterable
@@ -82,7 +82,7 @@ _HOW_TO_MEND = {
     " with `--fresh` it writes all files anew, and keeps changed ones as <name>.kept",
     "unfinished": "`advercity export` removes unfinished files",
 }
-"""What to do about files of an export, by the kind of their problem."""
+"""Remedies for files of an export, by kind of problem."""
 
 
 def _verify_export(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Checks what this machine has for advercity, and what is missing."""
+"""Checks the installed and missing parts of advercity on this machine."""
 
 import platform
 import shutil
@@ -28,7 +28,7 @@ _MISSING = " is not installed; the shipped specs need `advercity assets install`
 _DAMAGED = ": is damaged; move its folder elsewhere, and `advercity assets install`"
 _NO_MITSUBA = "is not installed; for `full` without a graphics card: `make setup MITSUBA=1`"
 CheckResult = tuple[str, bool, str]
-"""Name of the check, whether it passed, and what was found."""
+"""Name of the check, whether it passed, and its findings."""
 
 
 def check_machine() -> tuple[str, bool]:
@@ -90,7 +90,7 @@ def _check_others(title: str, found: Registered[Any]) -> Iterator[CheckResult]:
 
 
 def _check_packages() -> Iterator[CheckResult]:
-    """Check the packages of others; what is made of them has a generated substitute."""
+    """Check third-party packages; missing ones have generated substitutes."""
     store, textures = open_model_store(), open_texture_store()
     names = {"pedestrian": "people"}
     found = Counter(

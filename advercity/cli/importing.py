@@ -1,4 +1,4 @@
-"""Commands that import maps and recorded traffic of others."""
+"""Commands to import maps and recorded traffic of other projects."""
 
 import inspect
 from collections.abc import Callable
@@ -314,7 +314,7 @@ def _split_parameter(text: str) -> tuple[str, str]:
 def _write(
     recording: "Recording", map_file: Path | None, choice: "ReplayChoice", output: Path | None
 ) -> None:
-    """Write a library and its specs; without a folder, an error says what there is to choose."""
+    """Write a library and its specs; without a folder, raise an error with the ego's id."""
     from advercity.compiler.recorded_roads import find_ego, write_recorded_road
 
     if output is None:
@@ -326,7 +326,7 @@ def _write(
 
 
 def _report(specs: "list[Spec]", output: Path) -> None:
-    """Write the specs, and print their paths and what actors are connected vehicles."""
+    """Write the specs; print their paths and the tracks of connected vehicles."""
     from advercity_dsl import Vehicle
 
     from advercity.compiler import write_specs

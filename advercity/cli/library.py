@@ -1,4 +1,4 @@
-"""Commands about the library that ships."""
+"""Commands for the shipped library."""
 
 from pathlib import Path
 from typing import Annotated

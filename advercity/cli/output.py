@@ -22,17 +22,17 @@ _status = stderr_console.status("")
 
 
 class EndedBySignal(SystemExit):
-    """A signal asks the process to end; no handler of errors takes it for one of its own."""
+    """A termination signal; as a `SystemExit` it passes handlers of errors."""
 
     def __init__(self, number: int, *remarks: str) -> None:
-        """Keep the signal's number, and remarks on what is kept."""
+        """Keep the signal's number, and remarks on kept files."""
         super().__init__("; ".join([f"ended by {signal.Signals(number).name}", *remarks]))
         self.number = number
 
 
 @contextmanager
 def show_status(text: str) -> Generator[None]:
-    """Show at a terminal what goes on, until the first output or the end."""
+    """Show a status at a terminal, until the first output or the end."""
     if sys.stderr.isatty():
         _status.update(text)
         _status.start()
@@ -43,7 +43,7 @@ def show_status(text: str) -> Generator[None]:
 
 
 def update_status(text: str) -> None:
-    """Change the text of the status that is shown at a terminal."""
+    """Change the text of the status."""
     _status.update(text)
 
 
@@ -59,14 +59,14 @@ def print_data(text: str) -> None:
 
 
 def print_remark(text: str) -> None:
-    """Print what was done, or what to know of it, on stderr."""
+    """Print a remark on stderr."""
     end_status()
     lines = map(escape_control_characters, text.split("\n"))
     stderr_console.print("\n".join(lines), markup=False)
 
 
 def print_left_out(specs: "Iterable[Spec]") -> None:
-    """Print what the roads of specs do not take over from their maps and recordings."""
+    """Print the parts of maps and recordings left out of the specs' roads."""
     from advercity.foreign.ledger import describe_left_out
 
     roads = {spec.road.id: spec.road for spec in specs}
@@ -76,7 +76,7 @@ def print_left_out(specs: "Iterable[Spec]") -> None:
 
 
 def print_unread(dataset: "Path", layout: str | None) -> None:
-    """Print what a folder of others does not hold, and what of it is not read."""
+    """Print the data missing in a foreign folder, and its unread parts."""
     if layout is None:
         return
     from advercity.dataset.foreign_folders import NOT_HELD, open_foreign_scenarios
@@ -93,12 +93,12 @@ OTHER_PARAMETERS = (
     *("connected", "ego", "from", "key_frames", "kind", "library", "map", "name", "offset"),
     *("origin", "rig", "schemas", "suite", "to", "turn", "weather", "web"),
 )
-"""Parameters that are options of commands which are not made from `RunOptions`."""
+"""Parameters of commands outside `RunOptions`."""
 
 
 def format_options(text: str) -> str:
-    """Replace parameters that the library quotes, such as `max_time_s`, by options: --max-time."""
-    # Imported here, since nothing but a message needs it.
+    """Replace parameters quoted by the library, such as `max_time_s`, by options: --max-time."""
+    # Imported here, since only messages need it.
     from advercity.cli.arguments import OPTIONS, name_option
 
     flags = {name: f"--{name.replace('_', '-')}" for name in OTHER_PARAMETERS}
@@ -116,10 +116,10 @@ class StderrHandler(logging.Handler):
 
 def exit_with_error(error: Exception, *, exit_code: int) -> NoReturn:
     """Print one message and exit; indented lines belong to the line above them."""
-    # Imported here, since nothing but an error needs it and every command imports this module.
+    # Imported here, since only errors need it and every command imports this module.
     from advercity.diagnostics import DiagnosticsError
 
-    # Diagnostics quote what an author wrote, which may be the name of a parameter, too.
+    # Diagnostics quote the author's text, which may contain the name of a parameter.
     text = str(error) if isinstance(error, DiagnosticsError) else format_options(str(error))
     for line in text.splitlines():
         if line.startswith(" "):

@@ -17,7 +17,7 @@ from advercity.run_options import format_byte_size, format_duration
 class ProgressView:
     """Shows a bar over all scenarios and one per running scenario.
 
-    Where stderr is no terminal, it prints a line per scenario that ends, if there are several.
+    Of several scenarios, it also prints a line for each at its end.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class ProgressView:
             self._show(*self._known.values())
 
     def on_progress(self, progress: Progress) -> None:
-        """Show how far a scenario is."""
+        """Show the progress of a scenario."""
         with self._lock:
             self._known[progress.scenario] = progress
             self._show(progress)
@@ -48,7 +48,7 @@ class ProgressView:
             self._update_total()
 
     def on_result(self, result: ScenarioResult) -> None:
-        """Show how a scenario ended."""
+        """Show the result of a scenario."""
         with self._lock:
             self._over[result.scenario] = result
             self._remove(result.scenario)
@@ -120,7 +120,7 @@ def show_progress(
 
     Args:
         specs: The scenarios.
-        things: What is counted in them.
+        things: Noun for the counted items.
         page: Address at which browsers find the live view.
     """
     end_status()

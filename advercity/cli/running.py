@@ -1,4 +1,4 @@
-"""Commands that simulate, render and show."""
+"""Commands to simulate, render and show scenarios."""
 
 from collections.abc import Generator
 from contextlib import contextmanager, nullcontext, suppress
@@ -51,7 +51,7 @@ def run(
         raise InputError(f"{'--keep' if keep else '--web'} needs --stream")
     loaded = [api.load_spec(path, weather=weather, library=library or ()) for path in specs]
     if options.executor == "local":
-        # Before the modules that simulate and render, which take seconds to load.
+        # Before the modules for simulation and rendering, which take seconds to load.
         refuse_other_run(options.folder, [spec.id for spec in loaded])
 
     from advercity.cli.progress import show_progress
@@ -89,7 +89,7 @@ def _keep_serving(scenario: Path, viewer: ViewerTarget) -> None:
 
 @contextmanager
 def _describe_interrupt(options: RunOptions) -> Generator[None]:
-    """Add to an interrupt, or another signal to end, what is kept and how to go on."""
+    """Add a remark on kept frames and resuming to an interrupt or termination signal."""
 
     def describe() -> str:
         if "://" not in str(options.output) and not options.folder.exists():

@@ -1,4 +1,4 @@
-"""Renders one camera with several backends, and compares their light and what they show."""
+"""Renders one camera with several backends, and compares luminance, classes and actors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ from advercity.rendering.backend import RENDER_PROFILES, CameraCapture, load_bac
 from advercity.semantics import Semantic
 
 MIDDLE_GREY = 0.18
-"""Linear value that a picture's geometric mean gets."""
+"""Linear value of the geometric mean of the last backend's picture."""
 MAX_DIFFERENCE_STOPS = 1.0
-"""Difference of luminance, as a power of two, that a map shows in full colour."""
+"""Difference of luminance in full colour, as a power of two."""
 LEAST_CD_M2 = 1e-4
 LEAST_PIXELS = 50
-"""Pixels of a class below which its means say little."""
+"""Classes with fewer pixels are left out: their means say little."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class BackendComparison:
         backends: Their names.
         classes: Light by class, the whole image first.
         semantic_agreement: Fraction of pixels of one semantic class, each against the last.
-        instance_agreement: The same of one actor.
+        instance_agreement: Fraction of pixels of one actor, each against the last.
     """
 
     backends: tuple[str, ...]
@@ -100,14 +100,14 @@ def compare_backends(
 
     Args:
         spec: The scenario.
-        backends: Names of at least two; the last is what the others are compared with.
+        backends: At least two names; the last is the reference.
         output: Image file to write.
-        agent: Agent that carries the camera; None is the ego.
+        agent: Agent with the camera; None is the ego.
         camera: Index of the camera, from 0.
         frame: Recorded frame; None is the middle one.
         profile: `preview` or `full`; `width_px` sets the image size.
         width_px: Width of each image.
-        allow_missing_models: Generate bodies in place of models that are not installed.
+        allow_missing_models: Generate bodies in place of missing models.
 
     Raises:
         InputError: There is no such backend, agent, camera, frame or profile, or models are
@@ -193,7 +193,7 @@ def _expose(radiance: Float32Array, exposure: float) -> Uint8Array:
 
 def _draw_difference(luminance: Float32Array, reference: Float32Array) -> Uint8Array:
     stops = np.log2(np.maximum(luminance, LEAST_CD_M2) / np.maximum(reference, LEAST_CD_M2))
-    # Noise of single pixels would hide what differs.
+    # Noise of single pixels would hide the differences.
     smooth = cv2.GaussianBlur(stops.astype(np.float32), (0, 0), 1.5)
     strength = np.clip(smooth / MAX_DIFFERENCE_STOPS, -1.0, 1.0)[..., None]
     red, blue = np.array([60, 60, 220.0]), np.array([220, 110, 30.0])

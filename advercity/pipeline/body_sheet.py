@@ -37,7 +37,7 @@ STEERING_RAD = np.radians(20.0)
 BLINKING_ACTOR_ID = 2
 """Id of an actor whose indicators are lit at time 0; the phase depends on the id."""
 CLEAN_LENS_FRACTION = 0.02
-"""Fraction of the light that a clean lens scatters."""
+"""Fraction of the light scattered by a clean lens."""
 ALL_LAMPS = Lamp.BRAKE | Lamp.LEFT | Lamp.RIGHT
 
 
@@ -90,7 +90,7 @@ def _build_frame(name: str, blueprint: Blueprint) -> Frame:
     if blueprint.actor_class == "pedestrian":
         paint = draw_paint(blueprint.actor_class, name)
     lamps = Lamp(0) if blueprint.actor_class == "pedestrian" else ALL_LAMPS
-    # A semi-trailer blinks as the tractor unit that is not in the picture.
+    # A semi-trailer blinks like its tractor unit, which is not in the picture.
     number, towed_by = (
         (BLINKING_ACTOR_ID + 1, BLINKING_ACTOR_ID)
         if blueprint.semitrailer
@@ -121,7 +121,7 @@ def take_photograph(renderer: Renderer, view: CameraView) -> Uint8Array:
 
 
 def _place_camera(blueprint: Blueprint, azimuth: float) -> Matrix:
-    """Place the camera so far that the body fills the image, a little above its centre."""
+    """Place the camera a little above the body's centre, where the body fills the image."""
     extent_m = max(blueprint.length_m, 1.6 * blueprint.height_m, blueprint.width_m)
     away = 0.62 * extent_m / np.tan(FIELD_OF_VIEW_RAD / 2) + blueprint.width_m / 2
     raised = RAISED_CAMERA_RATIO if azimuth == VIEWS[0][1] else LEVEL_CAMERA_RATIO

@@ -1,7 +1,7 @@
-"""Where the cache is, and the keys of its entries, computed from all that these depend on.
+"""The folder of the cache, and the keys of its entries: digests of everything they depend on.
 
 The order of mappings counts, since streets and blueprints are drawn in it. Weathers of one road and
-density share a trace; that is what makes them pairs.
+density share a trace, which makes them pairs.
 """
 
 import functools
@@ -66,12 +66,12 @@ def compute_traffic_key(spec: Spec) -> str:
 
 @functools.cache
 def find_sumo_version() -> str:
-    """Find the version of SUMO that is installed."""
+    """Find the installed version of SUMO."""
     return version("eclipse-sumo")
 
 
 def _compute_key(data: dict[str, Any]) -> str:
-    """Compute a key from data and the program; any change to the latter invalidates the cache."""
+    """Compute a key from data, the program's sources and SUMO's version."""
     code = {
         "code": compute_source_digest(*CODE_PACKAGES),
         "eclipse-sumo": find_sumo_version(),

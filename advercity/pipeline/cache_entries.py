@@ -1,7 +1,7 @@
-"""Entries of the cache: whole, checked when they are used, and kept within a size.
+"""Entries of the cache: written atomically, checked on use, and limited in total size.
 
-Next to each entry is a file with its SHA-256 and its name, in the form that `sha256sum -c` reads
-in the folder of the cache; the time of that file is when the entry was used last.
+Next to each entry is a file with its SHA-256 and its name, for `sha256sum -c` in the folder of the
+cache. The modification time of that file is the last use of the entry.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 DEFAULT_SIZE = "10 GB"
 IN_USE_S = 3600.0
-"""An entry that was used within this time is not removed to make room: a run may need it."""
+"""Entries used within this time are not removed to make room: a run may need them."""
 ENTRY_FILES = {
     "networks": "*/road.net.xml",
     "traces": "*.npz",
@@ -52,9 +52,9 @@ class CacheEntry:
 
     Attributes:
         path: Its file.
-        kind: Folder that it is in.
+        kind: Name of its folder.
         size_bytes: Size of the file.
-        used_s: When it was used last, in seconds since the epoch.
+        used_s: Last use, in seconds since the epoch.
     """
 
     path: Path
@@ -65,7 +65,7 @@ class CacheEntry:
 
 @dataclass(frozen=True)
 class RemovedEntries:
-    """What was removed from the cache."""
+    """Number and size of removed entries."""
 
     count: int
     size_bytes: int
@@ -76,7 +76,7 @@ class RemovedEntries:
 
 
 def load_entry(name: str, load: Callable[[Path], T]) -> T | None:
-    """Load an entry; None if there is none, or a bad one, which is then said.
+    """Load an entry; None if it is missing, or damaged, with a warning.
 
     Args:
         name: Path within the cache: kind, key, suffix.
@@ -91,16 +91,16 @@ def load_entry(name: str, load: Callable[[Path], T]) -> T | None:
     except RunError as error:
         _logger.warning("%s; it is made again", error)
         return None
-    with suppress(OSError):  # a cache that others own and share
+    with suppress(OSError):  # a shared cache of another user
         os.utime(_get_checksum_file(path))
     return content
 
 
 def load_or_build_entry(name: str, build: Callable[[Path], None], load: Callable[[Path], T]) -> T:
-    """Load an entry; if there is none or a bad one, let `build` write it first.
+    """Load an entry; if it is missing or damaged, let `build` write it first.
 
     Raises:
-        InputError: The size limit is no size.
+        InputError: The size limit cannot be parsed.
         RunError: The cache cannot be written.
     """
     found = load_entry(name, load)
@@ -131,12 +131,12 @@ def find_size_limit() -> int:
 
 
 def list_entries() -> list[CacheEntry]:
-    """List all entries, those used last at the end."""
+    """List all entries, least recently used first."""
     return sorted(_iterate_entries(), key=lambda entry: (entry.used_s, entry.path))
 
 
 def describe_cache() -> list[dict[str, str | int]]:
-    """Describe the entries of every kind: number, size, when one was used last."""
+    """Describe the entries of every kind: number, size, last use."""
     entries = list_entries()
     rows: list[dict[str, str | int]] = []
     for kind in ENTRY_FILES:
@@ -151,14 +151,14 @@ def describe_cache() -> list[dict[str, str | int]]:
 def prune_cache(limit_bytes: int) -> RemovedEntries:
     """Remove leftovers, and the entries used longest ago until the rest is within the limit.
 
-    Entries in folders that are links stay, and do not count: they are of the folder's owner.
+    Entries in linked folders stay and do not count: they belong to the folder's owner.
     """
     _sweep()
     entries, now_s = [entry for entry in list_entries() if not _find_link(entry)], time.time()
     excess_bytes = sum(entry.size_bytes for entry in entries) - limit_bytes
     chosen: list[CacheEntry] = []
     for entry in entries:
-        # A use in the future is from before the clock was set back: how long ago is unknown.
+        # A last use in the future means the clock was set back: its age is unknown.
         if excess_bytes > 0 and abs(now_s - entry.used_s) > IN_USE_S:
             chosen.append(entry)
             excess_bytes -= entry.size_bytes
@@ -166,9 +166,9 @@ def prune_cache(limit_bytes: int) -> RemovedEntries:
 
 
 def clear_cache() -> RemovedEntries:
-    """Remove every entry, and leftovers, but nothing through a link.
+    """Remove all entries and leftovers, except through links.
 
-    Links to folders, and files that are no entries, stay, and a warning says so.
+    Links to folders and files of other kinds stay, with a warning.
     """
     _sweep()
     found, folder = list_entries(), find_cache_folder()
@@ -189,10 +189,10 @@ def clear_cache() -> RemovedEntries:
 
 
 def ensure_entry(name: str, build: Callable[[Path], None], load: Callable[[Path], object]) -> str:
-    """Return the SHA-256 of an entry, which is made if there is none; its content is not read.
+    """Return the SHA-256 of an entry without reading its content; make a missing entry.
 
     Raises:
-        InputError: The size limit is no size.
+        InputError: The size limit cannot be parsed.
         RunError: The cache cannot be written.
     """
     path = find_cache_folder() / name
@@ -204,10 +204,10 @@ def ensure_entry(name: str, build: Callable[[Path], None], load: Callable[[Path]
 
 
 def read_checksum(name: str) -> str:
-    """Read the SHA-256 of an entry that was just loaded.
+    """Read the SHA-256 of a loaded entry.
 
     Raises:
-        RunError: The entry was removed since.
+        RunError: The entry was removed after it was loaded.
     """
     checksum = _read_recorded_checksum(find_cache_folder() / name)
     if checksum is None:
@@ -226,7 +226,7 @@ def _iterate_entries() -> Iterator[CacheEntry]:
 
 
 def _find_link(entry: CacheEntry) -> Path | None:
-    """Find the folder of an entry that is a link, if one is; the cache itself may be one."""
+    """Find the linked folder above an entry, if any; the cache folder itself may be a link."""
     inside = find_cache_folder() / entry.kind
     return next((path for path in (inside, entry.path.parent) if path.is_symlink()), None)
 
@@ -245,7 +245,7 @@ def _remove(entries: list[CacheEntry]) -> RemovedEntries:
 
 
 def _sweep() -> None:
-    """Remove partial files of processes that have ended."""
+    """Remove partial files of ended processes."""
     for kind in ENTRY_FILES:
         folder = find_cache_folder() / kind
         for inside in (folder, *(path for path in folder.glob("*") if _KEY.fullmatch(path.name))):
@@ -253,7 +253,7 @@ def _sweep() -> None:
 
 
 def _check_entry(path: Path) -> None:
-    """Raise RunError if an entry is not as it was written, or was written under another name."""
+    """Raise RunError if an entry was changed or renamed after it was written."""
     try:
         is_same = _read_checksum_file(path) == _format_checksum(path, path)
     except OSError as error:
@@ -263,7 +263,7 @@ def _check_entry(path: Path) -> None:
 
 
 def _format_checksum(file: Path, path: Path) -> str:
-    """Format the checksum of a file that is, or will be, the entry at `path`."""
+    """Format the checksum of a file for the entry at `path`."""
     if not file.is_file():
         raise OSError("is no regular file")
     name = path.relative_to(find_cache_folder()).as_posix()
@@ -272,7 +272,7 @@ def _format_checksum(file: Path, path: Path) -> str:
 
 
 def _read_recorded_checksum(path: Path) -> str | None:
-    """Read the checksum next to an entry; None if there is none of that name."""
+    """Read the checksum next to an entry; None if it is missing or has another name."""
     with suppress(OSError):
         match = _CHECKSUM.fullmatch(_read_checksum_file(path))
         if match and match[2] == path.relative_to(find_cache_folder()).as_posix():
@@ -281,7 +281,7 @@ def _read_recorded_checksum(path: Path) -> str | None:
 
 
 def _read_checksum_file(path: Path) -> str:
-    """Read the file next to an entry that records its checksum; empty if it cannot be one.
+    """Read the checksum file next to an entry; empty if it cannot be one.
 
     Raises:
         OSError: It is missing or unreadable.

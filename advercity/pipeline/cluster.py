@@ -41,10 +41,10 @@ class RayExecutor:
     """Runs scenarios on a Ray cluster.
 
     Attributes:
-        output: Folder that all nodes share, or URL of a store.
+        output: Folder shared by all nodes, or URL of a store.
         address: Running cluster, as `ray.init` takes it; None starts one on this machine alone.
-        frames_per_task: Longer ranges are cut.
-        patience_s: Time after which a lease that is not renewed is taken over.
+        frames_per_task: Largest number of frames of a task.
+        patience_s: Time after which an unrenewed lease is taken over.
     """
 
     output: str
@@ -60,10 +60,10 @@ class RayExecutor:
         resources: RunResources,
         listener: RunListener,
     ) -> list[ScenarioResult]:
-        """Run every spec; how each ended, in the order of `specs`.
+        """Run every spec; return the results in the order of `specs`.
 
-        The bytes are those of a run on one machine of the same kind. The same call resumes what
-        an earlier one left.
+        Files equal those of a run on one machine of the same kind. The same call resumes an
+        interrupted run.
 
         Args:
             specs: Scenarios to run, all with different ids.
@@ -88,7 +88,7 @@ class RayExecutor:
 
 @dataclass(frozen=True)
 class ScenarioSurvey:
-    """Frames and identity of a scenario, as a node determines them before rendering."""
+    """Frames and identity of a scenario, determined by a node before rendering."""
 
     wanted: range
     length: int
@@ -97,7 +97,7 @@ class ScenarioSurvey:
 
 @dataclass
 class _ClusterScenario:
-    """A scenario that is under way, and its result so far."""
+    """A running scenario and its result so far."""
 
     spec: Spec
     began_s: float = field(default_factory=time.monotonic)
@@ -107,7 +107,7 @@ class _ClusterScenario:
     result: ScenarioResult = field(init=False)
 
     def __post_init__(self) -> None:
-        """Begin with nothing made."""
+        """Begin with an empty result."""
         self.result = ScenarioResult(self.spec.id, None, 0, 0, 0.0, 0)
 
     @property
@@ -133,13 +133,13 @@ class _ClusterScenario:
         self.result = replace(self.result, error=self.result.error or error)
 
     def finish(self) -> ScenarioResult:
-        """Return the result with the time that the scenario took."""
+        """Return the result with the elapsed time."""
         self.result = replace(self.result, time_s=time.monotonic() - self.began_s)
         return self.result
 
 
 def survey_scenario(spec: Spec, options: RunOptions) -> ScenarioSurvey:
-    """Determine frames and identity of a scenario; a task that runs on a node."""
+    """Determine frames and identity of a scenario; runs as a task on a node."""
     prepared = prepare_scenario(spec, options)
     return ScenarioSurvey(prepared.frames, prepared.frame_count, prepared.identity)
 
@@ -147,7 +147,7 @@ def survey_scenario(spec: Spec, options: RunOptions) -> ScenarioSurvey:
 def make_task_frames(
     spec: Spec, options: RunOptions, output: str, limits: ResourceLimits
 ) -> ScenarioResult:
-    """Make frames of a scenario and put them into the store; a task that runs on a node."""
+    """Make frames of a scenario and put them into the store; runs as a task on a node."""
     with tempfile.TemporaryDirectory(prefix="advercity_") as folder:
         local = replace(options, output=Path(folder))
         (result,) = run_scenarios([spec], local, resources=RunResources(1, limits))
@@ -204,7 +204,7 @@ class _RayDriver:
         return [run.result for run in runs]
 
     def close(self) -> None:
-        """Cancel the tasks that still run."""
+        """Cancel the running tasks."""
         left = list(self._pending)
         for task in left:
             self._ray.cancel(task)
@@ -274,7 +274,7 @@ def _split_into_tasks(wanted: range, done: set[int | None], most: int) -> list[r
 
 @contextmanager
 def _connect_ray(address: str | None) -> Generator[Any]:
-    """Connect to a running cluster, or start one that only this machine can access."""
+    """Connect to a running cluster, or start one on this machine alone."""
     if address is not None:
         _check_address(address)  # before Ray is imported, which takes seconds
     try:
@@ -295,7 +295,7 @@ def _connect_ray(address: str | None) -> Generator[Any]:
 
 
 def _check_address(address: str) -> None:
-    """Raise a RunError if nothing answers at `HOST:PORT`, for which Ray would wait very long."""
+    """Raise a RunError if `HOST:PORT` does not answer; Ray would wait very long."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if port.isdecimal():
         try:
@@ -305,12 +305,12 @@ def _check_address(address: str) -> None:
 
 
 def resolve_output(output: str) -> str:
-    """Return a URL unchanged, and a path as every node that shares the folder knows it."""
+    """Return a URL unchanged, and a path without links, valid on all nodes with the folder."""
     return output if "://" in output else str(resolve_links(Path(output)))
 
 
 def _translate_ray_error(error: Exception) -> AdvercityError:
-    """Return the error that a task raised, or one that describes Ray's."""
+    """Return the error raised by a task, or a description of Ray's error."""
     cause = getattr(error, "cause", None)
     if isinstance(cause, AdvercityError):
         return cause

@@ -1,4 +1,4 @@
-"""advercity.pipeline.descriptions."""
+"""Describes specs and declarations as rows and facts for the command line."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -50,7 +50,7 @@ ICE_DENSITY = 0.917
 
 Description = Mapping[str, str]
 TARGET_REFLECTANCES = (0.1, 0.5, 0.8)
-"""Reflectances of targets that the LiDAR range is given for: dark car, concrete, white paint."""
+"""Reflectances of the targets of LiDAR ranges: dark car, concrete, white paint."""
 
 
 def load_rows(folder: Path) -> list[dict[str, Any]]:
@@ -84,7 +84,7 @@ def _build_spec_row(spec: Spec) -> dict[str, Any]:
 
 
 def _count_actors(spec: Spec) -> tuple[int, int]:
-    """Count the vehicles and pedestrians that a spec asks for, or that were recorded."""
+    """Count the demanded or recorded vehicles and pedestrians of a spec."""
     recorded = spec.road.trajectories
     if not isinstance(recorded, TrajectorySet):
         return spec.demand.vehicles, spec.demand.walkers
@@ -133,7 +133,7 @@ def describe_declaration(entry: LibraryEntry[Declaration]) -> Description:
 
 
 def describe_weather(weather: Weather) -> Description:
-    """Describe a weather and what follows from its values."""
+    """Describe a weather and the values derived from it."""
     air = compute_extinction(weather)
     receiver = Receiver.from_lidar(Lidar())
     ranges_m = [receiver.detection_range_m(item, air.at_905nm) for item in TARGET_REFLECTANCES]
@@ -163,7 +163,7 @@ def _format_title(declaration: Declaration) -> str:
 
 
 def _describe_visibility(air: AirExtinction) -> str:
-    """Format the visibility, and the visibility that each part alone would leave."""
+    """Format the visibility, in total and with each part alone."""
     alone = [
         f"{part.name} {mor_from_extinction(part.extinction.at_550nm):.0f} m" for part in air.parts
     ]
@@ -173,7 +173,7 @@ def _describe_visibility(air: AirExtinction) -> str:
 
 
 def _describe_sun_time(sun: Sun) -> Description:
-    """Describe the instant whose sun it is, if it was given as one."""
+    """Describe the date and time of the sun position, if one is given."""
     if sun.at is None or sun.time_utc is None:
         return {}
     told = f"{sun.time_utc:%Y-%m-%d %H:%M} UTC"
@@ -243,7 +243,7 @@ def _format_value(value: Any) -> str:
 
 
 def describe_road(road: Road) -> Description:
-    """Describe a road; junctions of three arms or more of a map with the directions of the arms."""
+    """Describe a road; an imported map with the arms of junctions of three arms or more."""
     planner = RoutePlanner(to_plan_frame(road))
     arms = {
         f"junction {name}": f"{planner.controls[name]}: {found.describe()}"
@@ -302,13 +302,13 @@ def describe_spec(spec: Spec) -> Description:
 
 
 def _describe_conflict(conflict: StagedConflict, timing: Timing) -> str:
-    """Describe a conflict and when an ego that nothing hinders would meet it."""
+    """Describe a conflict and the frame in which an unhindered ego would meet it."""
     frame = round(conflict.window_s[0] / timing.tick_s) - timing.warm_up_ticks
     return f"{conflict.conflict}, expected from frame {frame} on"
 
 
 def _describe_agent(agent: Agent) -> str:
-    """Describe what an agent is and carries: `101, ego, box_truck: 4 cameras, 1 LiDAR`."""
+    """Describe an agent and its sensors: `101, ego, box_truck: 4 cameras, 1 LiDAR`."""
     sensors = agent.sensors
     carried = [
         f"{len(items)} {kind.title}{'s' if len(items) > 1 else ''}"
@@ -321,7 +321,7 @@ def _describe_agent(agent: Agent) -> str:
 
 
 def _describe_channel(channel: Channel) -> str:
-    """Describe what is sent over a channel, and what limits it."""
+    """Describe the messages of a channel and its limits."""
     kinds = {"CAM": channel.cam, "CPM": channel.cpm, "data": channel.data}
     limits = {
         "radio": channel.radio is not None,

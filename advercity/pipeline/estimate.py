@@ -1,9 +1,8 @@
-"""Estimates what runs will take, and refuses what would fill the machine.
+"""Estimates time, disk space and memory of runs, and refuses runs too large for the machine.
 
-Work follows from the spec, the number of frames from the traffic, and rates from recorded runs of
-this machine (`run_records`) with about as much work; nothing is extrapolated further. Where there
-are none, files and memory are estimated by upper bounds that hold for any machine, and the time is
-unknown.
+Work follows from the spec, the number of frames from the traffic. Rates come from recorded runs of
+similar work on this machine (`run_records`). Without such a run, files and memory are upper bounds
+for any machine, and the time is unknown.
 """
 
 import math
@@ -50,27 +49,26 @@ MAX_DISK_FRACTION = 0.9
 MAX_MEMORY_FRACTION = 0.9
 MAX_FREE_MEMORY_FRACTION = 0.5
 MAX_ACTOR_TICKS = 20_000_000
-"""Traffic of more than this is not simulated for an estimate: that alone would take long."""
+"""Estimates do not simulate traffic with more actors times ticks: it takes too long."""
 MAX_EXTRAPOLATION = 2.0
-"""How many times more or less work than in a recorded frame its rates are used for."""
+"""Largest ratio of work, either way, between a frame and a comparable recorded frame."""
 RECORDS_USED = 5
-"""So many of the last comparable records count; the median of their rates is taken."""
+"""Number of latest comparable records; estimates use the median of their rates."""
 
-# Upper bounds where nothing comparable was recorded. Three bytes a pixel are an image of pure
-# noise; what its class and depth maps add is less than it lacks. A beam in fog has up to two
-# returns.
+# Upper bounds without comparable records. Three bytes a pixel hold an image of pure noise; a real
+# image with its class and depth maps is smaller. A beam in fog has up to two returns.
 BYTES_PER_PIXEL = 3.0
 BYTES_PER_BEAM = 30.0
 OTHER_BYTES_PER_AGENT = 200e3
 MEMORY_BYTES, MEMORY_BYTES_PER_PIXEL = 900e6, 60.0
-# Rates of two cores without a GPU. They serve only for the time limit, which is 20 times as wide.
+# Rates of two cores without a GPU, only for the time limit, which is 20 times as long.
 SLOW_SETUP_S, SLOW_S_PER_BEAM, SLOW_S_PER_PIXEL = 20.0, 3e-6, 6e-7
 SLOW_S_PER_TRACED_SAMPLE = 2.5e-6
 
 
 @dataclass(frozen=True)
 class FrameRates:
-    """What a frame of a scenario, and its worker, takes on this machine.
+    """Time, files and memory of a scenario's frame and its worker on this machine.
 
     Attributes:
         setup_s: Wall-clock time until the first frame; None if unknown.
@@ -86,7 +84,7 @@ class FrameRates:
 
 
 def estimate_rates(work: FrameWork, records: Sequence[RunRecord]) -> FrameRates:
-    """Estimate the rates of frames from the last recorded runs of about as much work.
+    """Estimate the rates of frames from the last recorded runs of similar work.
 
     Args:
         work: Work of a frame.
@@ -122,13 +120,13 @@ def _is_comparable(work: FrameWork, record: RunRecord) -> bool:
 
 @dataclass(frozen=True)
 class ScenarioEstimate:
-    """What a scenario will take, without the frames that exist already.
+    """Time, disk space and memory of a scenario, without its existing frames.
 
     Attributes:
         scenario: Id of its spec.
         frames: Frames to make.
-        existing_frames: Frames that are in the output already.
-        is_exact: Whether the number of frames is known, or an upper bound.
+        existing_frames: Frames already in the output.
+        is_exact: Whether the number of frames is exact; else it is an upper bound.
         pictures: Images of all cameras in those frames.
         renders: How often each is rendered, on average.
         size_bytes: Files to write.
@@ -150,7 +148,7 @@ class ScenarioEstimate:
         """Return the row of a table, by its heads."""
         existing = f" ({self.existing_frames} exist)" if self.existing_frames else ""
         times = f"{self.pictures} (rendered {self.renders:.3g} times)"
-        bound = "at most " if self.time_s is None else ""  # nothing comparable was recorded
+        bound = "at most " if self.time_s is None else ""  # no comparable record
         return {
             "scenario": self.scenario,
             "frames": f"{'' if self.is_exact else 'at most '}{self.frames}{existing}",
@@ -163,7 +161,7 @@ class ScenarioEstimate:
 
 @dataclass(frozen=True)
 class RunEstimate:
-    """What a run of several scenarios will take.
+    """Time, disk space and memory of a run of several scenarios.
 
     Attributes:
         estimates: One per scenario.
@@ -197,7 +195,7 @@ class RunEstimate:
         )
 
     def _sum_memory(self) -> int:
-        """Sum the memory of the largest workers that can run at a time."""
+        """Sum the memory of the largest workers running at a time."""
         largest = sorted(self.estimates, key=lambda item: item.memory_bytes, reverse=True)
         total_bytes = sum(item.memory_bytes for item in largest[: self.jobs])
         joiners = max(0, self.jobs - len(largest))
@@ -208,7 +206,7 @@ class RunEstimate:
         return total_bytes
 
     def describe_excess(self, output: Path | None) -> list[str]:
-        """Describe what takes more than a run may without `allow_large`; nothing if all is well.
+        """Describe each limit exceeded by a run without `allow_large`; empty if it fits.
 
         Args:
             output: Folder on this machine; None if other machines do the work.
@@ -235,13 +233,13 @@ class RunEstimate:
         return found
 
     def count_fitting_frames(self, output: Path | None) -> int:
-        """Count the frames of each scenario of which all files would fit."""
+        """Count the frames per scenario whose files fit in the output."""
         frame_bytes = sum(item.size_bytes / item.frames for item in self.estimates if item.frames)
         return int(_compute_most_bytes(_measure_free_bytes(output)) / max(1.0, frame_bytes))
 
 
 def _measure_free_bytes(output: Path | None) -> float:
-    """Measure the space at a folder; unlimited where other machines do the work."""
+    """Measure the free space at a folder; infinite if other machines do the work."""
     return math.inf if output is None else shutil.disk_usage(_find_existing_parent(output)).free
 
 
@@ -252,13 +250,13 @@ def _compute_most_bytes(free_bytes: float) -> float:
 def estimate_run(
     specs: Sequence[Spec], options: RunOptions, *, simulate: bool = True
 ) -> RunEstimate:
-    """Estimate what running specs will take.
+    """Estimate time, disk space and memory of running specs.
 
     Args:
         specs: Scenarios to run.
-        options: How to run them; frames that exist in the output are left out.
-        simulate: Simulate traffic that is not in the cache, unless there is very much of it;
-            else the number of frames is an upper bound.
+        options: How to run them; existing frames in the output are left out.
+        simulate: Simulate missing traffic, up to `MAX_ACTOR_TICKS`; else the number of frames is
+            an upper bound.
 
     Raises:
         InputError: An option does not fit.
@@ -309,8 +307,8 @@ def resolve_requested_profile(options: RunOptions) -> RenderProfile:
 def choose_worker_count(estimates: Sequence[ScenarioEstimate]) -> int:
     """Choose how many processes keep this machine busy and leave it half of its free memory.
 
-    One per GPU. Without any, one per core, since a software renderer uses several at once for part
-    of the time only; but one more for a scenario has to save more time than its start takes.
+    One per GPU; without a GPU one per core, since a software renderer uses several only part of the
+    time. A further worker of a scenario must save more time than its start takes.
     """
     frames = sum(item.frames for item in estimates)
     useful = max(len(estimates), frames // MIN_FRAMES_PER_WORKER)
@@ -323,10 +321,10 @@ def choose_worker_count(estimates: Sequence[ScenarioEstimate]) -> int:
 
 
 def check_resources(specs: Sequence[Spec], options: RunOptions, *, is_local: bool) -> RunResources:
-    """Choose the resources of a run; what was not requested comes from the estimate.
+    """Choose the resources of a run: as requested, else as estimated.
 
     Raises:
-        InputError: The run would take more than is allowed; the text says what and how to go on.
+        InputError: The run exceeds a limit; the text names the excess and remedies.
     """
     estimate = estimate_run(specs, options, simulate=False)
     output = options.folder if is_local else None
@@ -351,7 +349,7 @@ def check_resources(specs: Sequence[Spec], options: RunOptions, *, is_local: boo
 
 
 def _simulate_missing_traffic(specs: Sequence[Spec], jobs: int) -> None:
-    """Simulate traffic that is not in the cache, once for all specs that share it."""
+    """Simulate the missing traffic of specs, shared traffic once."""
     wanted = {
         compute_traffic_key(spec): spec
         for spec in specs
@@ -391,12 +389,12 @@ def _estimate_scenario(
 
 def _find_existing_frames(spec: Spec, options: RunOptions) -> set[int]:
     if not options.fresh:
-        with suppress(AdvercityError):  # the run itself reports what is wrong with them
+        with suppress(AdvercityError):  # the run itself reports a bad manifest
             return set(Manifest.load(options.folder / spec.id).frames)
     return set()
 
 
 def _find_existing_parent(path: Path) -> Path:
-    """Find the nearest folder that exists: the path itself, or one above it."""
+    """Find the nearest existing folder: the path itself, or one above it."""
     whole = resolve_links(path)
     return next(folder for folder in (whole, *whole.parents) if folder.exists())

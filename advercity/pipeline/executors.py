@@ -1,4 +1,4 @@
-"""Runs batches of scenarios: checks them first, then hands them to this machine or a cluster."""
+"""Checks batches of scenarios, then runs them on this machine or a cluster."""
 
 import logging
 from collections import Counter
@@ -35,12 +35,12 @@ class Executor(Protocol):
         resources: RunResources,
         listener: RunListener,
     ) -> list[ScenarioResult]:
-        """Run every spec; how each ended, in the order of `specs`."""
+        """Run every spec; return the results in the order of `specs`."""
         ...
 
 
 def create_executor(options: RunOptions) -> Executor | None:
-    """Create the executor that is asked for; None for `local`, which is this machine itself.
+    """Create the requested executor; None for `local`, this machine itself.
 
     Raises:
         InputError: Other options do not fit it.
@@ -63,9 +63,9 @@ def run_batch(
     *,
     listener: RunListener | None = None,
 ) -> list[ScenarioResult]:
-    """Check scenarios, estimate what they take, and run them; how each ended, in their order.
+    """Check, estimate and run scenarios; return the results in the order of `specs`.
 
-    A scenario that fails does not stop the others; `raise_failures` raises what failed.
+    A failed scenario does not stop the others; `raise_failures` raises its error.
 
     Args:
         specs: Scenarios to run, all with different ids.
@@ -73,8 +73,8 @@ def run_batch(
         listener: Receives progress and results.
 
     Raises:
-        InputError: An option does not fit, the run would take more than is allowed, a spec was
-            edited, or models are missing on this machine.
+        InputError: An option does not fit, the run is too large, a spec was edited, or models are
+            missing on this machine.
         RunError: Another run is writing one of the scenarios.
         BackendError: The backend is not installed, or cannot render the profile.
     """
@@ -82,7 +82,7 @@ def run_batch(
     # Machines of a cluster may have other devices than this one.
     options = resolve_backend(options) if executor is None else _without_automatic(options)
     validate_batch(specs, options)
-    if executor is None:  # before what takes seconds
+    if executor is None:  # before checks of several seconds
         refuse_other_run(options.folder, [spec.id for spec in specs])
     if not options.allow_edited:
         for spec in specs:
@@ -101,7 +101,7 @@ def _without_automatic(options: RunOptions) -> RunOptions:
 
 
 def _announce_profile(options: RunOptions) -> None:
-    """Say once which profile `auto` has taken, where it is not the authored quality."""
+    """Warn once if `auto` has chosen `preview`, which is not the authored quality."""
     if options.profile == "auto" and resolve_requested_profile(options).name == "preview":
         _logger.warning(
             "profile preview: no device here traces rays in hardware; `profile` full renders as"
@@ -110,7 +110,7 @@ def _announce_profile(options: RunOptions) -> None:
 
 
 def validate_batch(specs: Sequence[Spec], options: RunOptions) -> None:
-    """Check what would go wrong with every spec before anything is run.
+    """Check the ids of specs and the options before a run.
 
     Raises:
         InputError: There is no spec, two have the same id, or an option does not fit.
@@ -147,11 +147,11 @@ def run_scenarios(
     resources: RunResources | None = None,
     listener: RunListener | None = None,
 ) -> list[ScenarioResult]:
-    """Run every spec in worker processes of this machine; how each ended, in their order.
+    """Run every spec in worker processes of this machine; return the results in order.
 
-    A scenario that fails, crashes or is killed does not stop the others. When there are fewer
-    scenarios than workers, several workers make the frames of one, unless it is shown live. Each
-    worker sees one GPU. The index of the dataset records how every scenario ended.
+    A failed, crashed or killed scenario does not stop the others. With fewer scenarios than
+    workers, several workers make the frames of one, unless it is shown live. Each worker sees one
+    GPU. The index of the dataset records every result.
 
     Args:
         specs: Scenarios to run, all with different ids.

@@ -1,7 +1,7 @@
-"""Finds sun positions that shine into the ego's camera, with rays to check what hides them.
+"""Finds unobstructed sun positions in the view of the ego's camera by casting rays.
 
-The compiler has no world to cast rays into, so what is found here is written into the weather's
-`sun_at`, from where specs take it.
+The compiler has no world to cast rays into, so the positions are written into the weather's
+`sun_at`, from where specs take them.
 """
 
 import math
@@ -26,9 +26,9 @@ from advercity.sensors.agent_poses import AgentPoses
 from advercity.sensors.camera_model import CameraModel
 
 FRAME_STRIDE = 5
-"""Recorded frames between the ones that are checked."""
+"""Step from one checked frame to the next."""
 ELEVATIONS_DEG = np.arange(5.0, 46.0)
-"""Elevations searched; lower suns are dimmed so much by the air that they hardly blind."""
+"""Searched elevations; the air dims lower suns too much to blind."""
 AZIMUTHS_DEG = np.arange(360.0)
 SUN_RAY_LENGTH_M = 2000.0
 
@@ -52,7 +52,7 @@ class SunSolution:
 
 @dataclass(frozen=True)
 class SunRequest:
-    """A sun that a weather asks for in the ego's view at a road.
+    """A weather's request for a sun in the ego's view at a road.
 
     Attributes:
         weather: The weather.
@@ -79,9 +79,9 @@ class SunRequest:
 
 
 def find_sun_requests(library: Library, suite: Suite) -> list[SunRequest]:
-    """Find the suns that weathers of a suite ask for, once per road, with the least traffic."""
+    """Find the suns requested by weathers of a suite, once per road, with the least traffic."""
     found: dict[str, SunRequest] = {}
-    # Without models, so that the suns do not depend on what is installed.
+    # Without models, so the suns do not depend on installed packages.
     shaped = suite.model_copy(update={"looks": "shaped"})
     specs = compile_suite(library, shaped, require_sun=False)
     for spec in sorted(specs, key=lambda spec: spec.demand.vehicles):
@@ -93,7 +93,7 @@ def find_sun_requests(library: Library, suite: Suite) -> list[SunRequest]:
 
 
 def solve_sun(spec: Spec, sought: Sun) -> SunSolution:
-    """Find the sun nearest to the axis of the ego's front camera that is visible long enough.
+    """Find the sun visible long enough and nearest to the axis of the ego's front camera.
 
     Args:
         spec: A scenario of the road; its weather does not matter.
@@ -165,13 +165,13 @@ def _compute_visibility(
 
 
 def solve_suns(library: Library, suite: Suite) -> Iterator[str]:
-    """Find the suns that weathers ask for and do not have, and write them; yield a line on each.
+    """Find and write the missing suns of weathers; yield a line on each.
 
-    Suns that a weather has, found before or written by hand, are checked and stay.
+    Existing suns, found before or written by hand, are checked and stay.
 
     Raises:
-        InputError: No sun meets a constraint, one that a weather has does not, or a weather's file
-            cannot be written.
+        InputError: No sun meets a constraint, an existing one does not, or a weather's file cannot
+            be written.
     """
     requests = find_sun_requests(library, suite)
     for known in requests:
@@ -207,7 +207,7 @@ def check_suns(library: Library, suite: Suite) -> Iterator[str]:
 
 
 def _check_sun(sought: SunRequest, sun: Sun) -> str:
-    """Describe a sun that a weather has; InputError if it is not in view for long enough."""
+    """Describe an existing sun; InputError if it is not in view for long enough."""
     wanted = sought.constraint
     fraction = compute_visible_fraction(sought.spec, sun, wanted.within_deg)
     line = f"{sought}: in view on {fraction:.0%} of the route"

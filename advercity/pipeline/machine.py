@@ -1,4 +1,4 @@
-"""Cores, memory and GPUs that this process may use, also within a container's limits."""
+"""Cores, memory and GPUs usable by this process, also within a container's limits."""
 
 import math
 import os
@@ -10,16 +10,16 @@ import psutil
 
 VISIBLE_DEVICES_VARIABLE = "CUDA_VISIBLE_DEVICES"
 DRIVER_THREADS_VARIABLE = "LP_NUM_THREADS"
-"""Threads of Mesa's software driver that draw, for which sorted triangles wait in memory; at 0 the
-thread that sorts them draws, too. Images are the same."""
+"""Drawing threads of Mesa's software driver, for which sorted triangles wait in memory. At 0 the
+sorting thread draws, too. Images are the same."""
 HEAPS_VARIABLE = "MALLOC_ARENA_MAX"
-"""Heaps of the GNU C library at most; each keeps what is freed in it."""
+"""Largest number of heaps of the GNU C library; each keeps its freed memory."""
 CGROUP_FOLDER = Path("/sys/fs/cgroup")
 """Root of the control groups (version 2), which hold the limits of a container."""
 
 
 def count_usable_cores(cgroup: Path = CGROUP_FOLDER) -> int:
-    """Count the processor cores that may be used, at least one."""
+    """Count the usable processor cores, at least one."""
     quota, _, period = _read_text(cgroup / "cpu.max").partition(" ")
     quota_cores = float(quota) / float(period) if quota.isdigit() and period else math.inf
     return max(1, int(min(len(os.sched_getaffinity(0)), quota_cores)))
@@ -33,7 +33,7 @@ def total_memory_bytes(cgroup: Path = CGROUP_FOLDER) -> int:
 
 
 def free_memory_bytes(cgroup: Path = CGROUP_FOLDER) -> int:
-    """Read the memory that can be allocated without swapping; the page cache counts as free."""
+    """Read the memory available without swapping; the page cache counts as free."""
     free = psutil.virtual_memory().available
     limit, used = _read_text(cgroup / "memory.max"), _read_text(cgroup / "memory.current")
     if not (limit.isdigit() and used.isdigit()):
@@ -51,7 +51,7 @@ def _read_text(path: Path) -> str:
 
 
 def find_visible_gpus() -> tuple[str, ...]:
-    """List the GPUs that this process may use, as `CUDA_VISIBLE_DEVICES` names them."""
+    """List the GPUs visible to this process, by their names in `CUDA_VISIBLE_DEVICES`."""
     chosen = os.environ.get(VISIBLE_DEVICES_VARIABLE)
     if chosen is not None:
         return tuple(name.strip() for name in chosen.split(",") if name.strip())
@@ -68,9 +68,8 @@ def build_worker_environment(
 ) -> dict[str, str]:
     """Build the variables of the worker in a slot: one GPU, shared in turn, and threads.
 
-    Mesa's driver has as many threads as the worker has cores. Where there are as many workers as
-    cores it has none, which would only take memory. All threads have one heap: they allocate
-    little.
+    Mesa's driver gets one thread per core of the worker, but none for a single core, where it would
+    only take memory. All threads share one heap: they allocate little.
     """
     threads = cores_per_worker if cores_per_worker > 1 else 0
     environment = {DRIVER_THREADS_VARIABLE: str(threads), HEAPS_VARIABLE: "1"}

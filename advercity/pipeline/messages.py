@@ -1,4 +1,4 @@
-"""What a worker process is asked for and what it sends back, pickled."""
+"""Messages between a run and its worker processes, pickled."""
 
 from dataclasses import dataclass
 
@@ -26,10 +26,10 @@ class WorkerTask:
 
 @dataclass(frozen=True)
 class ScenarioOpened:
-    """From the worker that opens a scenario: others may join now.
+    """From the worker opening a scenario: others may join now.
 
     Attributes:
-        missing_frames: Frames that do not exist yet.
+        missing_frames: Number of frames to make.
     """
 
     missing_frames: int
@@ -37,7 +37,7 @@ class ScenarioOpened:
 
 @dataclass(frozen=True)
 class FramesClaimed:
-    """From the worker that opened a scenario: no frame is left to claim; it waits for the others.
+    """From the worker opening a scenario: all frames are claimed, and it waits for the others.
 
     The parent answers `FINISH` when they have ended.
     """
@@ -45,7 +45,7 @@ class FramesClaimed:
 
 @dataclass(frozen=True)
 class Notice:
-    """A record of the log of a worker, which the parent adds to its own.
+    """A worker's log record, which the parent adds to its own log.
 
     Attributes:
         logger: Name of the logger.
@@ -61,4 +61,4 @@ class Notice:
 FINISH = "finish"
 
 WorkerMessage = Progress | ScenarioOpened | FramesClaimed | Notice | AdvercityError
-"""An error is the last message of a worker that fails."""
+"""An error is the last message of a failing worker."""

@@ -1,4 +1,4 @@
-"""Checks that a folder may hold a dataset."""
+"""Checks whether a folder may hold a dataset."""
 
 import re
 from collections.abc import Iterator
@@ -18,11 +18,11 @@ from advercity.errors import InputError, describe_cause
 from advercity.output_files import check_is_outside_scenarios
 
 MAX_LISTED = 100
-"""So many files and folders show whether a folder is a library."""
+"""Largest number of files and folders searched for declarations."""
 
 
 def check_output_folder(path: Path) -> None:
-    """Check that a folder may hold a dataset.
+    """Check whether a folder may hold a dataset.
 
     Raises:
         InputError: It is a file, a library, in a scenario or an export, the root or the home
@@ -47,9 +47,9 @@ def check_output_folder(path: Path) -> None:
 
 
 def _check_is_no_top_folder(path: Path) -> None:
-    """Refuse to fill the root of the file system, or somebody's home, with scenarios."""
+    """Refuse the root of the file system and the user's home folder."""
     if (path / INDEX_FILE).exists():
-        return  # it has a dataset by now, which goes on
+        return  # a run may continue an existing dataset
     tops = {Path(path.absolute().anchor): "the root of the file system"}
     with suppress(RuntimeError):  # a user without a home
         tops[resolve_links(Path.home())] = "your home folder"
@@ -59,7 +59,7 @@ def _check_is_no_top_folder(path: Path) -> None:
 
 
 def _list_shallow_yaml_files(folder: Path) -> Iterator[Path]:
-    """List the first YAML files of a folder, and of its folders that are no scenarios."""
+    """List the first YAML files of a folder and of its subfolders, scenarios left out."""
     own = (name for name in folder.glob("*") if name.is_dir() and name.name[0] != ".")
     inside = [path for path in islice(own, MAX_LISTED) if not (path / MANIFEST_FILE).exists()]
     patterns = ((folder, "*.yaml"), *((path, "*.yaml") for path in inside))

@@ -1,7 +1,7 @@
 """Prepares a scenario for rendering: backend, profile, road network, traffic, world, identity.
 
-Networks, traces, worlds and bodies come from the cache where it has them; the first call for a spec
-runs `netconvert`, simulates the traffic in SUMO (seconds to minutes) and builds the meshes.
+Networks, traces, worlds and bodies come from the cache. The first call for a spec runs
+`netconvert`, simulates the traffic in SUMO (seconds to minutes) and builds the meshes.
 """
 
 import logging
@@ -53,10 +53,10 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class TrafficResult:
-    """The recorded traffic of a road, density and conflict, which every weather of it shares.
+    """The recorded traffic of a road, density and conflict, shared by its weathers.
 
     Attributes:
-        network_path: SUMO network that it was simulated on.
+        network_path: SUMO network of the simulation.
         trace: Every actor and signal at every tick.
         trace_sha256: Checksum of the trace's content.
     """
@@ -74,11 +74,11 @@ def load_cached_trace(spec: Spec) -> Trace | None:
 def load_or_simulate_traffic(spec: Spec) -> TrafficResult:
     """Load the traffic of a spec from the cache, or simulate it now.
 
-    The cache also keeps that a conflict cannot be staged: all weathers share the traffic, and the
-    search for one that works is long.
+    The cache also records a conflict that cannot be staged: the search takes long, and all weathers
+    share the traffic.
 
     Raises:
-        InputError: The spec asks for what its road does not have.
+        InputError: The road lacks a part named in the spec.
         StagingError: A conflict of the spec cannot be staged.
         RunError: The simulation fails, or the cache cannot be written.
     """
@@ -119,7 +119,7 @@ def _build_network_file(spec: Spec, path: Path) -> None:
 def load_or_build_world(spec: Spec, network_path: Path) -> World:
     """Load the static scene and the bodies of a spec from the cache, or build them now.
 
-    Every body is an entry of its own: they take longest to build, and roads share them.
+    Each body has its own entry: bodies take longest to build, and roads share them.
 
     Raises:
         RunError: A model of the spec is not installed, or cannot be used.
@@ -143,7 +143,7 @@ def load_or_build_world(spec: Spec, network_path: Path) -> World:
     if spec.road.is_left_hand:
         bodies = {name: seat_driver_on_right(body) for name, body in bodies.items()}
     for blueprint in spec.blueprints.values():
-        # A body of the cache may be older than its model, whose images are not in it.
+        # A cached body lacks its model's images, and may be older than the model.
         store.prepare_model(blueprint)
     return replace(world, bodies=bodies, material_maps=_open_surface_maps(spec))
 
@@ -163,18 +163,18 @@ def _name_body_entry(spec: Spec, name: str) -> str:
 
 @dataclass(frozen=True)
 class PreparedScenario:
-    """Everything that frames of a scenario are made with.
+    """A scenario with everything needed to make its frames.
 
     Attributes:
         spec: The scenario.
         traffic: Its recorded traffic.
         backend: Renders the frames.
         profile: Renderer and image scale.
-        frames: Frames that are asked for.
-        options: What else decides the dataset.
-        missing_models: What is generated in place of the spec's models and photographs.
+        frames: Requested frames.
+        options: Options of the dataset's content.
+        missing_models: Models and photographs of the spec with generated substitutes.
         edited: Whether the spec was edited after it was compiled.
-        missed_conflicts: Staged conflicts that do not happen as declared, and why.
+        missed_conflicts: How staged conflicts differ from their declaration.
     """
 
     spec: Spec
@@ -199,7 +199,7 @@ class PreparedScenario:
 
     @cached_property
     def identity(self) -> Identity:
-        """What decides the bytes of the dataset."""
+        """Everything the bytes of the dataset depend on."""
         return Identity.for_spec(
             self.spec,
             trace_sha256=self.traffic.trace_sha256,
@@ -212,18 +212,18 @@ class PreparedScenario:
         )
 
     def load_world(self) -> World:
-        """Load the world from the cache, or build it now; the second call returns it."""
+        """Load the world from the cache, or build it now; later calls return the same one."""
         return self._world[0]
 
     @cached_property
     def _world(self) -> tuple[World, str]:
-        """The world, and the digest of the checksums that it was loaded with, and of its images."""
+        """The world, and a digest of the checksums of its cache entries and images."""
         spec = replace_models(self.spec, self.missing_models)
         world = load_or_build_world(spec, self.traffic.network_path)
         entries = [_name_world_entry(spec)]
         entries += [_name_body_entry(spec, name) for name in spec.blueprints]
         checksums: list[str | None] = [read_checksum(entry) for entry in entries]
-        # Checked by nothing else: the checksums of models in a spec are of their triangles.
+        # A spec's checksums of models cover triangles only, not images.
         store = open_model_store()
         checksums += [store.compute_images_digest(one) for one in spec.blueprints.values()]
         checksums += _open_surface_maps(spec).list_checksums()
@@ -276,10 +276,10 @@ def prepare_scenario(
 
 
 def resolve_profile(options: RunOptions, capabilities: Capabilities) -> RenderProfile:
-    """Resolve the profile asked for; `auto` is `full` where hardware traces rays, else `preview`.
+    """Resolve the requested profile; `auto` is `full` if hardware traces rays, else `preview`.
 
     Raises:
-        BackendError: The profile traces rays, which the device cannot.
+        BackendError: The profile traces rays, but the device cannot.
     """
     name = options.profile
     if name == "auto":
@@ -294,14 +294,14 @@ def resolve_profile(options: RunOptions, capabilities: Capabilities) -> RenderPr
 
 
 AUTOMATIC_BACKEND = "auto"
-"""Name that stands for the backend that suits profile and machine."""
+"""Selects the backend by profile and machine."""
 
 
 def resolve_backend(options: RunOptions) -> RunOptions:
     """Replace the backend `auto`: Mitsuba for `full` where only it traces rays fast, else SAPIEN.
 
-    Without a graphics card SAPIEN takes minutes for a traced image, and Mitsuba, where it is
-    installed and has a compiler, seconds. Which of them it is is logged then.
+    Without a graphics card a traced image takes minutes with SAPIEN, and seconds with Mitsuba if
+    it is installed and has a compiler. The choice is then logged.
     """
     if options.backend != AUTOMATIC_BACKEND:
         return options
@@ -329,7 +329,7 @@ def _traces_in_hardware(name: str) -> bool:
 
 
 def _describe_renderer(backend: Backend, profile: RenderProfile) -> RendererIdentity:
-    """Collect whatever of backend, its sources, device and profile changes images."""
+    """Collect the facts of backend, sources, device and profile with effect on images."""
     return {
         "backend": backend.name,
         "backend_sha256": compute_source_digest(type(backend).__module__.partition(".")[0]),

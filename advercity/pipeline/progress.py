@@ -1,4 +1,4 @@
-"""How far scenarios are, how they ended, and who listens."""
+"""Progress and results of scenarios, and their listeners."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from advercity.errors import AdvercityError, RunError
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a scenario is.
+    """Progress of a scenario.
 
     Attributes:
         scenario: Id of its spec.
-        phase: What is being done, in a word or two; `done` at the end.
+        phase: Current step, in a word or two; `done` at the end.
         done: Finished frames.
-        total: Frames that are asked for; 0 until the traffic is known.
+        total: Requested frames; 0 until the traffic is known.
         size_bytes: Files of the scenario so far.
         address: Address of the live view, if there is one.
     """
@@ -38,16 +38,16 @@ def ignore_progress(progress: Progress) -> None:
 
 @dataclass(frozen=True)
 class ScenarioResult:
-    """How a scenario ended.
+    """Result of a scenario.
 
     Attributes:
         scenario: Id of its spec.
         error: Why it failed; None if it succeeded.
-        frames: Frames that were asked for and exist.
+        frames: Requested frames in the dataset.
         size_bytes: Files of the scenario.
         time_s: Wall-clock time.
         peak_memory_bytes: Largest resident memory of its processes at one time.
-        worker_count: Workers that made its frames.
+        worker_count: Workers of the scenario.
         setup_s: Wall-clock time before the first frame, without the traffic simulation.
         frame_s: Wall-clock time per frame of a worker; None if none made two.
     """
@@ -86,7 +86,7 @@ class SilentListener:
 
 
 def raise_failures(results: Iterable[ScenarioResult]) -> None:
-    """Raise what failed: the error itself if one scenario was run, else a list of them.
+    """Raise the error of a single scenario, or one error listing those of several.
 
     Raises:
         AdvercityError: The only scenario failed.

@@ -47,7 +47,7 @@ def load_sensor_frames(
 
 
 def _read_all(stored: AgentView) -> dict[str, tuple[Any, ...]]:
-    """Read the measurements of all sensors that have a place, by the names of their kinds."""
+    """Read the measurements of all sensors with a place, by name of the kind."""
     return {
         kind.name: tuple(
             stored.read(kind.name, number) for number in range(stored.count(kind.name))
@@ -58,7 +58,7 @@ def _read_all(stored: AgentView) -> dict[str, tuple[Any, ...]]:
 
 
 def _with_annotated_boxes(frame: Frame, annotated: Iterable[Boxes]) -> Frame:
-    """Give pedestrians the boxes that any agent annotates; the trace has only their bodies'."""
+    """Give pedestrians their annotated boxes; the trace has only those of their bodies."""
     found = {
         number: (size, world_from_box)
         for boxes in annotated
@@ -143,13 +143,13 @@ def open_viewer(
     Args:
         shown: Recording (`.rrd`), address of a live view, or folder.
         web: Show it in a browser instead of a window.
-        cloud_colour: What the colours of LiDAR points encode; a recording has its own.
+        cloud_colour: Meaning of the colours of LiDAR points; a recording has its own.
         map_tiles: Show receivers on a map, whose tiles come from the Internet.
         analytics: Let Rerun send usage data, if its own settings do.
-        layout: Layout of a folder of others, as of `open_dataset`.
+        layout: Layout of a foreign folder, as in `open_dataset`.
 
     Raises:
-        InputError: There is nothing of the kind.
+        InputError: `shown` is no recording, live view or scenario.
         RunError: The viewer fails.
     """
     from advercity.viewer.viewer_process import STREAM_SCHEMES, format_stream_address, show

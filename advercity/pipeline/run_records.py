@@ -1,7 +1,7 @@
-"""Remembers what scenarios took on this machine, so that the next ones can be estimated.
+"""Records time, files and memory of scenarios on this machine, for later estimates.
 
-Each scenario that succeeds adds a line to `runs.jsonl` in the cache. Times and memory are not in
-manifests, since those must be the same on every machine.
+Each successful scenario adds a line to `runs.jsonl` in the cache. Times and memory are not in
+manifests, since manifests must be the same on every machine.
 """
 
 import math
@@ -31,12 +31,12 @@ MAX_RECORDS = 50
 
 @dataclass(frozen=True)
 class FrameWork:
-    """What one frame of a spec asks for, whatever the machine.
+    """Work of one frame of a spec, independent of the machine.
 
     Attributes:
-        agents: Agents that sense.
+        agents: Number of agents.
         images: Images of all cameras; each comes with its classes and depths.
-        pixels: Pixels that are rendered for all those images.
+        pixels: Rendered pixels of all images.
         beams: Rays of all sensors: beams of LiDARs, rays of radars and thermal cameras.
         renders: How often each pixel is rendered, on average: more than once with rolling shutters.
     """
@@ -72,7 +72,7 @@ class FrameWork:
 
 
 class RunRecord(Model):
-    """What a scenario took; a record beyond the limits of any machine is not one.
+    """Time, files and memory of a scenario; values beyond any machine are invalid.
 
     Attributes:
         machine: Name and cores of the machine.
@@ -81,7 +81,7 @@ class RunRecord(Model):
         format: Dataset layout.
         pixels, beams, renders: Work of a frame, as in `FrameWork`.
         setup_s: Wall-clock time until the first frame is begun.
-        frame_s: Wall-clock time per frame of a worker that has a core to itself.
+        frame_s: Wall-clock time per frame of a worker with a core to itself.
         frame_bytes: Files of a frame.
         memory_bytes: Peak of resident memory per worker.
     """
@@ -100,17 +100,17 @@ class RunRecord(Model):
 
 
 def describe_machine() -> str:
-    """Describe this machine, so that records of a shared cache are not taken for its own."""
+    """Describe this machine, to tell its records from others' in a shared cache."""
     return f"{platform.node()} {platform.machine()} {count_usable_cores()}"
 
 
 def record_run(spec: Spec, options: RunOptions, result: ScenarioResult, worker_count: int) -> None:
-    """Remember a scenario that succeeded; do nothing where that cannot be done.
+    """Record a successful scenario; errors are ignored.
 
     Args:
         spec: The scenario.
         options: How it was run.
-        result: What it took.
+        result: Its result.
         worker_count: Workers of the whole pool; those beyond the cores slow one another.
     """
     if result.error is not None or result.frame_s is None:
@@ -136,8 +136,8 @@ def record_run(spec: Spec, options: RunOptions, result: ScenarioResult, worker_c
 
 
 def _append(record: RunRecord) -> None:
-    """Add a line, and drop the oldest records; other lines and links to elsewhere stay."""
-    # Two runs that end at once may lose one of the two lines, which does no harm.
+    """Add a line and drop the oldest records; keep other lines, and leave a link alone."""
+    # Two runs ending at once may lose one of their lines, which does no harm.
     path = find_cache_folder() / RECORDS_FILE
     if path.is_symlink():
         return
@@ -156,7 +156,7 @@ def _parse_record(line: bytes | str) -> RunRecord | None:
 
 
 def load_records(*, backend: str, renderer: str, format: str) -> list[RunRecord]:
-    """Load what was recorded on this machine with a backend, a renderer and a layout."""
+    """Load the records of this machine with a backend, a renderer and a layout."""
     records: list[RunRecord] = []
     with suppress(InputError):
         lines = read_text(find_cache_folder() / RECORDS_FILE).splitlines()

@@ -1,6 +1,6 @@
 """Runs one scenario from spec to dataset: traffic once, then every frame on its own.
 
-Also repairs datasets: it makes damaged files again, from the spec that their manifest holds.
+Also repairs datasets: it makes damaged files again from the spec in their manifest.
 """
 
 from collections.abc import Callable, Collection, Generator, Sequence
@@ -49,11 +49,11 @@ if TYPE_CHECKING:
     from advercity.viewer.recording import RerunRecording
 
 ShareFrames = Callable[[int], AbstractContextManager[None]]
-"""Lets other workers join a scenario with that many missing frames; waits for them at the end."""
+"""Lets other workers join a scenario with so many missing frames; waits for them at the end."""
 
 
 class BackgroundWriter:
-    """Runs one job at a time in a thread, so that encoding and writing overlap with rendering.
+    """Runs one job at a time in a thread: encoding and writing overlap with rendering.
 
     At most one job runs while the next frame is captured, so memory holds two frames at most.
     """
@@ -63,7 +63,7 @@ class BackgroundWriter:
         self._running: Future[None] | None = None
 
     def submit(self, job: Callable[[], None]) -> None:
-        """Wait for the job before, raise its error if it failed, and start this one."""
+        """Wait for the previous job, raise its error if it failed, and start this one."""
         self.wait()
         self._running = self._pool.submit(job)
 
@@ -99,19 +99,19 @@ def run_scenario(
         spec: The scenario.
         options: How to run it.
         report: Receives the progress of this process.
-        share_frames: Entered while frames can be claimed by other processes, too.
+        share_frames: Entered while other processes may claim frames, too.
 
     Raises:
         InputError: The backend or the frames do not exist.
         RunError: Something failed; finished frames stay, and the same call resumes.
     """
-    # Before the traffic, which may take minutes: another run is refused at once.
+    # Refuses a second run before the traffic, which may take minutes.
     with lock_scenario(options.folder / spec.id):
         prepared = prepare_scenario(spec, options, report)
     writer = ScenarioWriter(
         options.folder, spec, prepared.identity, length=prepared.frame_count, fresh=options.fresh
     )
-    # The viewer first: if it cannot be opened, nothing of the dataset has been touched.
+    # The viewer first: if it cannot be opened, the dataset stays untouched.
     with _open_recording(prepared, options.viewer) as recording, writer:
         if recording is not None:
             _make_and_record(prepared, writer, recording, report)
@@ -132,7 +132,7 @@ def run_scenario(
 def join_scenario(
     spec: Spec, options: RunOptions, worker_index: int, report: ProgressCallback
 ) -> None:
-    """Make frames of a scenario that another process has open, until none is left to claim.
+    """Make frames of a scenario opened by another process, until none is left to claim.
 
     Args:
         spec: The scenario.
@@ -177,7 +177,7 @@ def _make_missing_frames(
         done = total - len(missing) + count
         report(Progress(prepared.spec.id, "frames", done, total, writer.size_bytes))
 
-    prepared.load_world()  # puts it into the cache before workers that join look for it
+    prepared.load_world()  # into the cache, before other workers join and load it
     report_count(0)
     with share_frames(len(missing)):
         _make_claimed_frames(prepared, missing, writer, report_count)
@@ -189,9 +189,9 @@ def _make_claimed_frames(
     writer: FrameWriter | ScenarioWriter,
     on_frame: Callable[[int], None],
 ) -> int:
-    """Make the missing frames that no other worker claims; return how many.
+    """Make missing frames not claimed by other workers; return their number.
 
-    `on_frame` is called with the number of frames captured so far, before each and at the end.
+    `on_frame` gets the number of frames captured so far, before each and at the end.
     """
     count = 0
     claimed = filter(writer.claim_frame, missing)
@@ -213,7 +213,7 @@ def _make_and_record(
     recording: "RerunRecording",
     report: ProgressCallback,
 ) -> None:
-    """Show every frame asked for in order, from its files if it is done, else as it is made."""
+    """Show the requested frames in order: finished ones from files, others when captured."""
     stored, done = Scenario(writer.scenario), writer.done_frames
     sensing = nullcontext() if done.issuperset(prepared.frames) else open_sensors(prepared)
     with open_background_writer() as background, sensing as sensors:
@@ -244,7 +244,7 @@ def _open_recording(
 
 
 def repair_dataset(dataset: Path, report: ProgressCallback = ignore_progress) -> list[FileProblem]:
-    """Make every missing or changed file of a dataset again; return the problems that stay.
+    """Make missing and changed files of a dataset again; return the remaining problems.
 
     A missing scenario, or one with another manifest, has to be run again.
 
@@ -307,7 +307,7 @@ def _repair_scenario(
 
 
 def _parse_renderer(scenario: Path, identity: Identity) -> tuple[str, RenderProfile]:
-    """Rebuild backend and profile from a manifest; RunError if it has others than runs have."""
+    """Rebuild backend and profile from a manifest; RunError if no run can have them."""
     values = {"name": "as made", **identity.renderer}
     backend = values.pop("backend", None)
     for name in ("backend_sha256", "device"):

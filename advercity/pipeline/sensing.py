@@ -50,7 +50,7 @@ class SensorRig:
         self._channel = V2xChannel(spec, spec.channel, trace, world) if spec.channel else None
 
     def capture_frame(self, index: int) -> tuple[SensorFrame, ...]:
-        """Capture what every agent senses in recorded frame `index`, in the spec's order."""
+        """Capture all agents' measurements in recorded frame `index`, in the spec's order."""
         self._stage.place(index)
         for driver in self._drivers.values():
             driver.prepare()
@@ -62,7 +62,7 @@ class SensorRig:
         return self._cameras.capture_image(agent, camera)
 
     def capture_camera(self, agent: Agent, camera: int, index: int) -> CameraCapture:
-        """Render the light that arrives at one camera alone in recorded frame `index`."""
+        """Render the light arriving at one camera alone in recorded frame `index`."""
         self._stage.place(index)
         return self._cameras.capture(agent, camera)
 
@@ -89,7 +89,7 @@ class SensorRig:
         return replace(found, min_points=self._options.min_points)
 
     def _send_messages(self, sensor_frames: Sequence[SensorFrame]) -> tuple[SensorFrame, ...]:
-        """Add what every agent sends, if the scenario has a channel."""
+        """Add the messages of every agent, if the scenario has a channel."""
         if self._channel is None:
             return tuple(sensor_frames)
         atmosphere = self._stage.atmosphere

@@ -1,7 +1,7 @@
-"""Compares the models and photographs that specs name with those on this machine.
+"""Compares the models and photographs named in specs with those on this machine.
 
-A spec means one picture: what is missing, or what this machine converts to something else, stops a
-run, unless the user allows generated bodies and surfaces in its place.
+A spec means one picture: a missing or differently converted model stops a run, unless the user
+allows generated bodies and surfaces in its place.
 """
 
 from collections.abc import Collection, Iterable
@@ -22,10 +22,10 @@ SHAPE_HINT = "or generate bodies and surfaces instead with `allow_missing_models
 
 
 def check_models(specs: Iterable[Spec], *, allow_missing: bool) -> None:
-    """Check that all models and photographs of the specs are installed, as the specs have them.
+    """Check whether all models and photographs of the specs are installed and the same.
 
     Raises:
-        InputError: One is not, and missing ones are not allowed.
+        InputError: One is missing or differs, and `allow_missing` is false.
         RunError: A model is installed, but cannot be converted.
     """
     store = open_model_store()
@@ -41,7 +41,7 @@ def check_models(specs: Iterable[Spec], *, allow_missing: bool) -> None:
 
 
 def find_missing_models(spec: Spec) -> tuple[str, ...]:
-    """Find what this machine lacks, or converts to something else.
+    """Find the missing and differently converted models and photographs of a spec.
 
     Returns:
         Blueprints of models, and names of packs of photographs as in the assets of the spec.
@@ -50,7 +50,7 @@ def find_missing_models(spec: Spec) -> tuple[str, ...]:
 
 
 def replace_models(spec: Spec, names: Collection[str]) -> Spec:
-    """Return the spec without some models and photographs, so that they are generated.
+    """Return the spec without some models and photographs: runs generate them.
 
     Args:
         spec: The spec.
@@ -67,7 +67,7 @@ def replace_models(spec: Spec, names: Collection[str]) -> Spec:
 
 
 def _find_problems(spec: Spec, store: ModelStore) -> dict[str, str]:
-    """Describe each model and pack that cannot be used, by blueprint or name of the pack."""
+    """Describe each unusable model and pack, by blueprint or name of the pack."""
     problems = _find_pack_problems(spec)
     for name, blueprint in spec.blueprints.items():
         if blueprint.model is None:
@@ -90,7 +90,7 @@ def _find_problems(spec: Spec, store: ModelStore) -> dict[str, str]:
 
 
 def _find_pack_problems(spec: Spec) -> dict[str, str]:
-    """Describe each pack of photographs that cannot be used."""
+    """Describe each unusable pack of photographs, by name."""
     problems: dict[str, str] = {}
     for name, digest in spec.assets.items():
         pack = TEXTURE_PACKS.get(name)

@@ -1,4 +1,4 @@
-"""Images of surfaces for a world: each is made when it is first needed, and kept in the cache."""
+"""Images of surfaces for a world, made on first use and kept in the cache."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -25,17 +25,17 @@ _CODE = (
     "advercity.materials",
     "advercity.randomness",
 )
-"""What decides the images; other changes of the program leave them as they are."""
+"""Sources the images depend on; other changes of the program do not invalidate them."""
 
 
 class SurfaceMaps(Mapping[str, MaterialMaps]):
-    """The images of surfaces by name: photographs where a pack has them, else baked ones.
+    """Images of surfaces by name: photographs of a pack, else baked ones.
 
-    Looking one up loads it from the cache, or makes it, which takes half a second.
+    A lookup loads a surface from the cache, or makes it in half a second.
 
     Args:
         packs: Installed packs.
-        models: Images of models, whose names are others.
+        models: Images of models, under other names.
     """
 
     def __init__(
@@ -53,11 +53,11 @@ class SurfaceMaps(Mapping[str, MaterialMaps]):
         return load_or_build_entry(*self._describe_entry(name), _load_maps)
 
     def list_checksums(self) -> list[str]:
-        """List the SHA-256 of the entries of all surfaces; those that the cache lacks are made."""
+        """List the SHA-256 of the entries of all surfaces; make missing entries."""
         return [ensure_entry(*self._describe_entry(name), _load_maps) for name in self._names]
 
     def _describe_entry(self, name: str) -> tuple[str, Callable[[Path], None]]:
-        """Return the name of a surface's entry, and the function that writes it."""
+        """Return the name of a surface's entry, and a function to write it."""
         pack = self._packs.get(name)
         return (
             f"maps/{_compute_key(name, pack)}.npz",
@@ -94,7 +94,7 @@ def _save_maps(maps: MaterialMaps, path: Path) -> None:
 
 
 def _load_maps(path: Path) -> MaterialMaps:
-    """Load what `_save_maps` has written; RunError if it is something else."""
+    """Load a file of `_save_maps`; RunError if it is another file."""
     arrays = load_arrays(path, max_bytes=MAX_MAPS_BYTES)
     try:
         maps = MaterialMaps(
@@ -110,7 +110,7 @@ def _load_maps(path: Path) -> MaterialMaps:
 
 
 def _check_images(maps: MaterialMaps) -> None:
-    """Raise ValueError for images that do not fit each other."""
+    """Raise ValueError unless the images fit each other."""
     height, width, channels = maps.color.shape
     images = [
         (maps.color, (height, width, 4 if channels == 4 else 3)),

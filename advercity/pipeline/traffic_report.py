@@ -22,10 +22,10 @@ TRACE_FILE, REPORT_FILE, VIDEO_FILE = "trace.npz", "report.json", "plan.mp4"
 def compute_traffic_reports(specs: Iterable[Spec]) -> Iterator[TrafficReport]:
     """Compute the reports on the traffic of specs, from the cache or simulated now.
 
-    Specs that share a trace share its measurements.
+    A trace shared by several specs is measured once.
 
     Raises:
-        InputError: A spec asks for what its road does not have.
+        InputError: A road lacks a part named in its spec.
         RunError: The simulation failed.
     """
     known: dict[str, TrafficReport] = {}
@@ -39,7 +39,7 @@ def compute_traffic_reports(specs: Iterable[Spec]) -> Iterator[TrafficReport]:
 
 
 def find_traffic_problems(spec: Spec) -> str:
-    """Find what does not happen as declared in the traffic of a spec; empty if everything does."""
+    """Find departures of the traffic from the spec's declared conflicts; empty if none."""
     try:
         (report,) = compute_traffic_reports([spec])
     except RunError as error:
@@ -51,8 +51,8 @@ def simulate_to_folder(spec: Spec, output: Path, *, with_video: bool = True) -> 
     """Write `trace.npz`, `report.json` and `plan.mp4` to `<output>/<spec id>/`, all or none.
 
     Raises:
-        InputError: The spec asks for what its road does not have, PyAV is not installed, `output`
-            is in a dataset, or one of the files exists and may not be replaced.
+        InputError: The road lacks a part named in the spec, PyAV is not installed, `output` is in a
+            dataset, or one of the files exists and may not be replaced.
         RunError: The simulation failed, or a file cannot be written.
     """
     check_is_outside_datasets(output)
@@ -65,7 +65,7 @@ def simulate_to_folder(spec: Spec, output: Path, *, with_video: bool = True) -> 
         with open_output_folder(folder) as made:
             _write_traffic_files(spec, traffic, report, made, with_video=with_video)
             if not with_video:
-                check_output(folder / VIDEO_FILE)  # the simulation took its time
+                check_output(folder / VIDEO_FILE)  # again, after the long simulation
                 (folder / VIDEO_FILE).unlink(missing_ok=True)  # of other traffic
     except OSError as error:
         raise RunError(f"{folder}: cannot be written: {describe_cause(error)}") from error

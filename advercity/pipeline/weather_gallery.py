@@ -45,13 +45,13 @@ def write_weather_gallery(
         specs: Scenarios to show.
         weathers: Weathers to replay their traffic under.
         output: Image file to write.
-        agent: Agent that carries the camera; None is the ego.
+        agent: Agent with the camera; None is the ego.
         camera: Index of the camera, from 0.
         frame: Recorded frame; None is the middle one of each scenario.
         backend: Name of the rendering backend.
         profile: `preview` or `full`; `width_px` sets the image size.
         width_px: Width of each image.
-        allow_missing_models: Generate bodies in place of models that are not installed.
+        allow_missing_models: Generate bodies in place of missing models.
         report: Called before each image.
 
     Raises:

@@ -73,7 +73,7 @@ def main(parent: "Parent") -> int:
 
 
 def _follow_parent(parent: "Parent", may_finish: Event) -> None:
-    """Wait for `FINISH`; when the parent is gone, kill the process group, so hung workers too."""
+    """Wait for `FINISH`; when the parent is gone, kill the process group with hung workers."""
     try:
         while True:
             parent.recv()
@@ -83,13 +83,13 @@ def _follow_parent(parent: "Parent", may_finish: Event) -> None:
 
 
 def _exit_on_signal(number: int, frame: FrameType | None) -> NoReturn:
-    """Exit, closing what is open, which a second signal must not interrupt."""
+    """Exit and close resources; a second signal must not interrupt this."""
     signal.signal(signal.SIGTERM, _ignore_signal)
     sys.exit(128 + number)
 
 
 def _ignore_signal(number: int, frame: FrameType | None) -> None:
-    """Do nothing; unlike `SIG_IGN`, child processes that start meanwhile do not inherit it."""
+    """Do nothing; unlike `SIG_IGN`, new child processes do not inherit it."""
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
 The parent is the only supervisor. A free slot opens the next scenario; when none is left, it joins
 the running scenario with the most unclaimed frames, whose workers take frames from one claim queue
-(`FrameWriter.claim_frame`). Workers are processes of their own, not reused: one that crashes takes
-nothing else along, and the memory measured is one scenario's.
+(`FrameWriter.claim_frame`). Each worker is a new process: a crash leaves other scenarios running,
+and memory is measured per scenario.
 """
 
 import logging
@@ -54,11 +54,11 @@ from advercity.run_options import (
 
 POLL_INTERVAL_S = 0.25
 TERMINATION_TIMEOUT_S, JOINER_TERMINATION_TIMEOUT_S = 10.0, 4.0
-"""Time between SIGTERM and SIGKILL; the worker that opened a scenario writes its manifest then."""
+"""Time between SIGTERM and SIGKILL; the opening worker needs it to write the manifest."""
 LOG_LINES_SHOWN = 12
-"""Last lines of a dead worker's output that its error message shows."""
+"""Last lines of a dead worker's output in its error message."""
 MIN_FRAMES_PER_WORKER = 16
-"""One more worker pays from so many frames on: its start takes as long as some frames."""
+"""Fewest frames worth one more worker: its start takes as long as some frames."""
 
 
 class WorkerPool:
@@ -95,7 +95,7 @@ class WorkerPool:
         self._measured_s = 0.0
 
     def run(self) -> list[ScenarioResult]:
-        """Run every scenario to its end; how each ended, in the order of the specs.
+        """Run every scenario to its end; return the results in the order of the specs.
 
         An exception, such as an interrupt, ends every worker before it is raised again.
         """
@@ -121,7 +121,7 @@ class WorkerPool:
             run.start_worker(slot, environment)
 
     def _select_scenario(self) -> "_PooledScenario | None":
-        """Open the next scenario, or find the running one that needs one more worker most."""
+        """Open the next scenario, or find the running one with the most frames left."""
         if self._waiting:
             run = _PooledScenario(self._waiting.popleft(), self._options, self._limits)
             self._running.append(run)
@@ -130,7 +130,7 @@ class WorkerPool:
         return max(joinable, key=lambda run: run.unclaimed_frames, default=None)
 
     def _handle_events(self) -> list["_PooledScenario"]:
-        """Wait for messages for a moment, and act on messages and limits; scenarios that ended."""
+        """Wait shortly for messages, handle them, enforce limits; return ended scenarios."""
         workers = {worker.connection: (run, worker) for run in self._running for worker in run.live}
         for connection in wait(list(workers), POLL_INTERVAL_S):
             run, worker = workers[connection]  # pyright: ignore[reportArgumentType]
@@ -168,13 +168,13 @@ class WorkerPool:
         return False
 
     def _repeat_notice(self, notice: Notice) -> None:
-        """Log what a worker has logged, once: scenarios share entries of the cache."""
+        """Log a worker's notice once: several scenarios may report the same cache entry."""
         if notice not in self._notices:
             self._notices.add(notice)
             logging.getLogger(notice.logger).log(notice.level, notice.text)
 
     def _remove_empty_output(self) -> None:
-        """Delete the folder of the dataset if workers have created it and left it empty."""
+        """Delete the folder of the dataset if this run created it and left it empty."""
         if self._is_new_output:
             with suppress(OSError):  # not empty, or not there
                 self._options.folder.rmdir()
@@ -186,7 +186,7 @@ class WorkerPool:
             run.error = run.error or error
 
     def _record_end(self, run: "_PooledScenario") -> None:
-        self._remove_empty_output()  # in which nothing is recorded
+        self._remove_empty_output()  # the index needs an existing folder
         result = run.build_result()
         record_run(run.spec, self._options, result, self._worker_count)
         try:
@@ -198,8 +198,8 @@ class WorkerPool:
         self._listener.on_result(result)
 
     def _stop_all(self) -> None:
-        """End every worker that still runs, as after an interrupt."""
-        self._listener = SilentListener()  # it may be what raised
+        """End all running workers, as after an interrupt."""
+        self._listener = SilentListener()  # the listener may have raised the error
         try:
             for run in self._running:
                 run.error = run.error or RunError("interrupted")
@@ -211,11 +211,11 @@ class WorkerPool:
 
 
 class _Worker:
-    """One worker process, and what it has sent.
+    """A worker process and its messages so far.
 
     Args:
-        task: What it does.
-        slot: Place among all workers that run at a time.
+        task: Frames to make.
+        slot: Place among the workers running at a time.
         group: Process group to join; 0 is a new one.
         environment: Variables on top of this process's own.
     """
@@ -256,22 +256,22 @@ class _Worker:
         return self.connection.closed and self._peek_exit() is not None
 
     def _peek_exit(self) -> "os.waitid_result | None":
-        # Unlike poll(), this does not reap: until `reap` no other process gets the id, so that
-        # signals to it and to its process group cannot hit a stranger.
+        # Unlike poll(), this does not reap: until `reap` no other process gets the id, so signals
+        # to it and to its process group cannot hit a stranger.
         return os.waitid(os.P_PID, self.process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
 
     def record_progress(self, progress: Progress) -> None:
-        """Remember how far the worker is, and when its first and its latest frame were done."""
+        """Record the worker's progress, and the times of its first and latest frame."""
         now_s = time.monotonic()
         self.first_message_s = self.first_message_s or now_s
-        # The first message about frames counts those of earlier runs.
+        # The first message about frames includes frames of earlier runs.
         if self.last.phase == progress.phase == "frames" and progress.done > self.last.done:
             self.last_frame = (now_s, progress.done)
             self.first_frame = self.first_frame or self.last_frame
         self.last = progress
 
     def find_error(self) -> AdvercityError | None:
-        """Return why the exited process failed; None if it did not."""
+        """Return the error of the exited process; None if it succeeded."""
         ended = self._peek_exit()
         if self.failure is not None or self.last.phase == "done" or ended is None:
             return self.failure
@@ -284,7 +284,7 @@ class _Worker:
         return RunError(text, *(f"  {line}" for line in lines))
 
     def terminate(self) -> None:
-        """Ask the process to end, and kill it when it has not ended after a while."""
+        """Send SIGTERM at the first call, and SIGKILL at calls after the timeout."""
         now_s = time.monotonic()
         if self.kill_at_s == math.inf:
             timeout_s = JOINER_TERMINATION_TIMEOUT_S if self.index else TERMINATION_TIMEOUT_S
@@ -304,7 +304,7 @@ class _Worker:
 
 
 def _store_task(task: WorkerTask) -> IO[bytes]:
-    """Store a task in a file, since a connection could be full before it is read."""
+    """Store a task in a file: a pipe could be full before the worker reads it."""
     stream = tempfile.TemporaryFile()  # noqa: SIM115 - the worker's standard input
     pickle.dump(task, stream)
     stream.seek(0)
@@ -318,7 +318,7 @@ class _Speed(TypedDict):
 
 @dataclass
 class _PooledScenario:
-    """A scenario that is under way, and its workers, which are one process group."""
+    """A running scenario and its workers, which form one process group."""
 
     spec: Spec
     options: RunOptions
@@ -334,7 +334,7 @@ class _PooledScenario:
 
     @property
     def live(self) -> list[_Worker]:
-        """Workers that may still send messages."""
+        """Workers with an open connection."""
         return [worker for worker in self.workers if not worker.connection.closed]
 
     @property
@@ -343,12 +343,12 @@ class _PooledScenario:
 
     @property
     def has_begun(self) -> bool:
-        """Whether the scenario was opened and the making of frames began."""
+        """Whether the opening worker has begun to make frames."""
         return self._opener.last.phase in ("frames", "done")
 
     @property
     def unclaimed_frames(self) -> int:
-        """Frames that no worker has finished."""
+        """Number of unfinished frames."""
         return self.progress.total - self.progress.done
 
     @property
@@ -364,7 +364,7 @@ class _PooledScenario:
 
     @property
     def progress(self) -> Progress:
-        """Progress of all workers together; the opener's alone once it has the manifest."""
+        """Progress of all workers together; only the opener's once it wrote the manifest."""
         last = self._opener.last
         if last.phase == "done":
             return last
@@ -383,7 +383,7 @@ class _PooledScenario:
         self.workers.append(_Worker(task, slot, group, environment))
 
     def enforce_limits(self) -> None:
-        """Measure memory and time; end the scenario if it takes too much."""
+        """Measure memory and time; end the scenario beyond its limits."""
         used_bytes = sum(_measure_memory(worker.process.pid) for worker in self.workers)
         self.peak_memory_bytes = max(self.peak_memory_bytes, used_bytes)
         count = len(self.workers)
@@ -404,8 +404,8 @@ class _PooledScenario:
             )
 
     def advance(self) -> list[int]:
-        """Reap workers that ended, end those of a failed scenario; return the slots now free."""
-        # Looked at once: a worker that exits meanwhile is handled next time, with its error.
+        """Reap ended workers, end those of a failed scenario; return the freed slots."""
+        # Read once: a worker exiting meanwhile is handled at the next call, with its error.
         ended = [worker for worker in self.workers if worker.has_exited]
         for worker in ended:
             self.error = self.error or self._find_error(worker)
@@ -414,8 +414,8 @@ class _PooledScenario:
             self.is_opener_waiting = False
             with suppress(OSError):  # it may have been killed meanwhile
                 self._opener.connection.send(FINISH)
-        # The opener goes last: it writes the manifest of what the others have finished, and its
-        # process id is the group's.
+        # The opener goes last: it writes the manifest of all finished frames, and its process id
+        # is the group's.
         candidates = joined or self.workers
         if self.error is not None:
             for worker in candidates:
@@ -423,7 +423,7 @@ class _PooledScenario:
         exited = [worker for worker in ended if worker in candidates]
         for worker in exited:
             if not worker.index:
-                self.send_signal(signal.SIGKILL)  # what it started and left behind
+                self.send_signal(signal.SIGKILL)  # leftover child processes
             worker.reap()
             self.workers.remove(worker)
             self.ended.append(worker)
@@ -442,7 +442,7 @@ class _PooledScenario:
             os.killpg(self._opener.process.pid, number)
 
     def build_result(self) -> ScenarioResult:
-        """Return how the scenario ended."""
+        """Return the result of the scenario."""
         progress = self.progress
         return ScenarioResult(
             scenario=self.spec.id,
@@ -456,7 +456,7 @@ class _PooledScenario:
         )
 
     def _measure_speed(self) -> "_Speed":
-        """Measure frames of every worker but its first, which also builds the shaders."""
+        """Measure frames without each worker's first, which also builds the shaders."""
         spans = [
             (
                 worker.last_frame[0] - worker.first_frame[0],
