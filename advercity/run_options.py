@@ -231,10 +231,10 @@ class RunOptions(DatasetOptions):
         ),
     ] = None
     allow_large: Annotated[bool, Option("Run even if it would fill the machine.")] = False
-    allow_missing_models: Annotated[
-        bool, Option("Generate bodies in place of models that are not installed.")
-    ] = False
-    allow_edited: Annotated[bool, Option("Run specs that were edited after compiling.")] = False
+    allow_missing_models: Annotated[bool, Option("Generate bodies in place of missing models.")] = (
+        False
+    )
+    allow_edited: Annotated[bool, Option("Run specs edited after compiling.")] = False
     allow_missed: Annotated[
         bool,
         Option("Go on where a staged conflict does not happen as declared, and record it."),

@@ -21,7 +21,7 @@ DatasetArgument = Annotated[Path, typer.Argument(help="A dataset, or one scenari
 LayoutOption = Annotated[
     str | None,
     typer.Option(
-        help="Layout of a folder of others, without manifests: opv2v (also V2XSet and V2V4Real) or"
+        help="Layout of a foreign folder, without manifests: opv2v (also V2XSet and V2V4Real) or"
         " adver_city."
     ),
 ]

@@ -81,7 +81,7 @@ def lock(
 
 @assets.command()
 def add(
-    models: Annotated[list[Path], typer.Argument(help="GLB files that a catalogue names.")],
+    models: Annotated[list[Path], typer.Argument(help="GLB files named in a catalogue.")],
 ) -> None:
     """Add models of your own to the store, by checksum."""
     from advercity.assets.model_store import open_model_store
@@ -94,7 +94,7 @@ def add(
 def remove() -> None:
     """Remove the asset packages, which specs may need to run.
 
-    Files that you changed stay, and are named.
+    Keeps files you changed, and names them.
     """
     from advercity.assets.model_store import open_model_store
     from advercity.assets.texture_store import open_texture_store

@@ -69,7 +69,7 @@ def solve(
         bool, typer.Option("--check", help="Only check the suns found before.")
     ] = False,
 ) -> None:
-    """Find suns that shine into the ego's camera.
+    """Find suns shining into the ego's camera.
 
     Casts rays against the world, and writes the positions into the weathers' files.
     """
@@ -157,9 +157,7 @@ def explain(
     fields: Annotated[
         list[str] | None, typer.Argument(help="Fields, such as weather.fog (default: all).")
     ] = None,
-    library: Annotated[
-        list[Path] | None, typer.Option(help="Folders that it was compiled from.")
-    ] = None,
+    library: Annotated[list[Path] | None, typer.Option(help="Folders of its library.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show where the values of a spec come from.

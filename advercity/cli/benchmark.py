@@ -57,8 +57,8 @@ def train(
 ) -> None:
     """Train the baseline, a small cooperative detector of LiDAR clouds or camera images.
 
-    The file is written every 100 steps. A run that was cut short goes on where it was. Needs the
-    extra benchmark: pip install 'advercity[benchmark]'.
+    Writes the file every 100 steps. An interrupted run resumes. Needs the extra benchmark: pip
+    install 'advercity[benchmark]'.
     """
     from advercity.benchmark.detector.checkpoint import TrainingRecord, check_sensor
     from advercity.benchmark.detector.clouds import check_fusion
@@ -93,7 +93,7 @@ def train(
 
 @benchmark.command()
 def predict(
-    detector: Annotated[Path, typer.Argument(help="Detector that `train` has made.")],
+    detector: Annotated[Path, typer.Argument(help="Detector written by `train`.")],
     dataset: DatasetArgument,
     output: Annotated[
         Path, typer.Option(help="File for the predictions (JSON Lines).", dir_okay=False)
@@ -142,7 +142,7 @@ def evaluate(
     ] = None,
     classes: Annotated[
         str,
-        typer.Option(help="Classes that count, separated by commas; vehicle is OPV2V's class."),
+        typer.Option(help="Classes to count, separated by commas; vehicle is OPV2V's class."),
     ] = "car,van,truck,vehicle",
     communication_range: Annotated[
         float, typer.Option(min=0, help="Agents within so many metres of the ego cooperate.")
@@ -152,7 +152,7 @@ def evaluate(
         typer.Option(help="Half length and half width of the counted area, metres from the LiDAR."),
     ] = (140.0, 40.0),
     min_points: Annotated[
-        int, typer.Option(min=0, help="LiDAR points that an object needs to count.")
+        int, typer.Option(min=0, help="Fewest LiDAR points of a counted object.")
     ] = 0,
     frames: _FramesOption = None,
     bootstrap: Annotated[
@@ -194,7 +194,7 @@ def evaluate(
     print_unread(dataset, layout)
     if found.missing_frames:
         count = f"{found.missing_frames} of {found.frames}"
-        print_remark(f"{count} frames have no line: they count as ones in which nothing was found")
+        print_remark(f"{count} frames have no line: they count as frames without detections")
 
 
 @benchmark.command()
@@ -206,7 +206,7 @@ def degradation(
     ] = None,
     frames: _FramesOption = None,
 ) -> None:
-    """Plot the ranges of sensors, and AP@50 of predictions, over the value that a suite sweeps."""
+    """Plot sensor ranges and AP@50 over the swept value of a suite."""
     from advercity.benchmark.degradation import draw_degradation, tabulate_degradation
     from advercity.benchmark.evaluation import EvaluationOptions
     from advercity.cli.tables import format_columns

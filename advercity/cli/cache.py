@@ -8,7 +8,7 @@ from advercity.cli.output import print_data
 
 cache = typer.Typer(
     name="cache",
-    help="Networks, traffic and scenes that runs share.",
+    help="Networks, traffic and scenes shared by runs.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -29,7 +29,7 @@ def show() -> None:
 
 @cache.command()
 def clear() -> None:
-    """Remove all entries; later runs make them again, those that use one now stop."""
+    """Remove all entries; runs using them stop, later runs remake them."""
     from advercity.pipeline.cache_entries import clear_cache
 
     print_data(str(clear_cache()))

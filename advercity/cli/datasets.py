@@ -39,8 +39,8 @@ def verify(
 ) -> None:
     """Check every file of a dataset by its checksum.
 
-    Compares files with the manifests, and manifests with the index. Files that are not part of the
-    dataset are listed, and are no error. What `export` has written is checked in the same way.
+    Compares files with the manifests, and manifests with the index. Lists other files; they are no
+    error. Checks exports in the same way.
     """
     from advercity.dataset.verification import verify_dataset
     from advercity.exports.export_folder import is_export
@@ -111,7 +111,7 @@ def export(
         str | None,
         typer.Option(
             metavar="all|2hz",
-            help="Frames that are samples of nuscenes; with 2hz the others are sweeps.",
+            help="Frames to write as samples of nuscenes; with 2hz the others are sweeps.",
         ),
     ] = None,
     schemas: Annotated[
@@ -119,13 +119,12 @@ def export(
         typer.Option(metavar="foxglove|ros2", help="Messages of mcap (default: foxglove)."),
     ] = None,
     allow_edited: Annotated[
-        bool, typer.Option("--allow-edited", help="Export files that you have changed as they are.")
+        bool, typer.Option("--allow-edited", help="Export your changed files as they are.")
     ] = False,
 ) -> None:
     """Write a dataset in another format.
 
-    An export that was cut short goes on where it ended; frames that were added to the dataset are
-    added to it.
+    An interrupted export resumes. A repeated export adds new frames of the dataset.
     """
     from advercity.cli.progress import show_progress
     from advercity.dataset.reader import Dataset
@@ -159,8 +158,7 @@ def repair(
 ) -> None:
     """Make missing and changed files of a dataset again.
 
-    Only files with their recorded checksum are written. Files that are not part of the dataset are
-    listed, and stay.
+    Writes only files with their recorded checksum. Lists other files, and keeps them.
     """
     from advercity.cli.progress import show_progress
     from advercity.dataset.reader import Scenario
@@ -170,7 +168,7 @@ def repair(
     with show_progress([Scenario(path).spec for path in find_scenarios(dataset)]) as view:
         left = repair_dataset(dataset, view.on_progress)
     _print_foreign_files(left)
-    again = "delete what is left of the scenario, and `advercity run` with its spec makes it again"
+    again = "delete the rest of the scenario, and `advercity run` with its spec makes it again"
     damage = [f"{problem}; {again}" for problem in left if problem.is_damage]
     if damage:
         raise RunError(*damage)
@@ -272,7 +270,7 @@ def split(
     by: Annotated[
         Literal["road", "scene", "seed", "density", "weather", "time"] | None,
         typer.Option(
-            help="Property that splits go by; scenarios of a scene have one traffic.",
+            help="Property to split by; scenarios of a scene share their traffic.",
             show_default="road; with --share, scene",
         ),
     ] = None,
@@ -292,10 +290,10 @@ def split(
 ) -> None:
     """Link scenarios into train, validate and test.
 
-    They go by road, or by another property.
+    Splits go by road, or by another property.
 
-    Values of a split are separated by commas. With `--share`, scenarios that have the property in
-    common stay in one split.
+    Separate the values of a split by commas. With `--share`, scenarios with the same value stay in
+    one split.
     """
     from advercity.dataset.splits import PUBLISHED_SPLITS, link_shares, link_splits
 

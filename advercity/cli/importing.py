@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 imports = typer.Typer(
     name="import",
-    help="Take over maps, and traffic that others recorded.",
+    help="Import maps and recorded traffic.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -43,7 +43,7 @@ def _build_choice(
     ] = None,
     connected_count: Annotated[
         int,
-        typer.Option(min=0, max=20, help="Number of the nearest vehicles that are connected, too."),
+        typer.Option(min=0, max=20, help="Number of nearest vehicles to connect, too."),
     ] = 2,
     from_: Annotated[
         float | None,
@@ -271,9 +271,9 @@ def openscenario(
 ) -> None:
     """Make scenarios of an OpenSCENARIO file.
 
-    It is played: actors follow lanes, routes and trajectories, change speed and lane, and events
-    begin when their conditions hold. What cannot be played is refused by name and line. The map is
-    the OpenDRIVE file that it names, unless --map gives another one.
+    Plays the file: actors follow lanes, routes and trajectories, change speed and lane, and events
+    begin when their conditions hold. Unsupported parts are an error with name and line. The map is
+    the OpenDRIVE file named in the scenario, unless --map gives another one.
     """
     from advercity.compiler.recorded_roads import load_recorded_scenario
 
@@ -291,9 +291,9 @@ def sumo(
 ) -> None:
     """Make scenarios of a SUMO simulation.
 
-    SUMO runs it once, and its vehicles, people and lights are recorded: from --from to --to, by
-    default the first 300 s. Files that it would write are not written, and what is not taken over
-    is listed. A simulation that another program drives is refused.
+    SUMO runs it once; vehicles, people and lights are recorded from --from to --to, by default the
+    first 300 s. SUMO's own output files are not written. Parts left out are listed. A simulation
+    driven by another program is an error.
     """
     from tempfile import TemporaryDirectory
 

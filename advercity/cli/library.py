@@ -9,7 +9,7 @@ from advercity.cli.output import print_data
 
 library = typer.Typer(
     name="library",
-    help="The library of declarations that ships.",
+    help="The shipped library of declarations.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -19,7 +19,7 @@ library = typer.Typer(
 def copy(
     folder: Annotated[Path, typer.Argument(help="Folder to make, for a library of your own.")],
 ) -> None:
-    """Copy the library that ships, to change it."""
+    """Copy the shipped library, to change it."""
     from advercity.compiler.shipped_library import copy_shipped_library
 
     print_data(str(copy_shipped_library(folder)))
@@ -27,7 +27,7 @@ def copy(
 
 @library.command()
 def path() -> None:
-    """Print the folder of the library that ships."""
+    """Print the folder of the shipped library."""
     from advercity.compiler import find_shipped_library
 
     print_data(str(find_shipped_library()))

@@ -118,7 +118,7 @@ def load_or_build_entry(name: str, build: Callable[[Path], None], load: Callable
         removed = prune_cache(limit_bytes)
     except OSError as error:
         message = f"{error.filename or path}: cannot be written: {describe_cause(error)}"
-        raise RunError(f"{message}; set ADVERCITY_CACHE to a folder that can") from error
+        raise RunError(f"{message}; set ADVERCITY_CACHE to a folder you may write to") from error
     if removed.count:
         _logger.warning("cache: %s, to keep within ADVERCITY_CACHE_SIZE", removed)
     return load(path)

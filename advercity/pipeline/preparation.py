@@ -252,7 +252,7 @@ def prepare_scenario(
     missed = tuple(problem for outcome in outcomes for problem in outcome.problems)
     if missed and not options.allow_missed:
         raise RunError(
-            f"{spec.id}: {'; '.join(missed)}; `advercity simulate` draws what happens, and"
+            f"{spec.id}: {'; '.join(missed)}; `advercity simulate` draws the traffic, and"
             " `allow_missed` makes the data all the same"
         )
     frame_count = len(traffic.trace)

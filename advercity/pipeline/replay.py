@@ -58,7 +58,7 @@ def _read_all(stored: AgentView) -> dict[str, tuple[Any, ...]]:
 
 
 def _with_annotated_boxes(frame: Frame, annotated: Iterable[Boxes]) -> Frame:
-    """Give pedestrians their annotated boxes; the trace has only those of their bodies."""
+    """Give pedestrians their annotated boxes; the trace only has boxes of their bodies."""
     found = {
         number: (size, world_from_box)
         for boxes in annotated
@@ -102,7 +102,7 @@ def replay_scenario(
     if traffic.trace_sha256 != scenario.manifest.identity.trace_sha256:
         raise RunError(
             f"{path}: made from other traffic than this version simulates;"
-            " view it with the version that its manifest names"
+            " view it with the version in its manifest"
         )
     poses = AgentPoses(spec, traffic.trace)
     with open_recording(spec, traffic.trace, target) as recording:

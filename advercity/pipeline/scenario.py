@@ -289,8 +289,8 @@ def _repair_scenario(
     if differences:
         raise RunError(
             f"{scenario}: cannot be repaired here, where something differs"
-            f" ({'; '.join(differences)}); repair it with what it was made with, or make it"
-            " again with `advercity run --fresh`"
+            f" ({'; '.join(differences)}); repair it with its original version and"
+            " device, or make it again with `advercity run --fresh`"
         )
     shown = replace_models(spec, manifest.identity.missing_models)
     check_models([shown], allow_missing=False)
@@ -315,10 +315,10 @@ def _parse_renderer(scenario: Path, identity: Identity) -> tuple[str, RenderProf
     try:
         profile = TypeAdapter(RenderProfile).validate_python(values)
         if not isinstance(backend, str) or not MIN_SCALE <= profile.scale <= MAX_SCALE:
-            raise ValueError("no backend, or a scale that no run has")
+            raise ValueError("no backend, or a scale outside the limits")
     except ValueError as error:
         raise RunError(
-            f"{scenario}: its manifest names no renderer that made it; make it again with"
+            f"{scenario}: its manifest names no valid renderer; make it again with"
             " `advercity run --fresh`"
         ) from error
     return backend, profile

@@ -395,7 +395,7 @@ class _PooledScenario:
             subject = "it" if count == 1 else f"its {count} workers together"
             self.error = RunError(
                 f"killed: used {format_byte_size(used_bytes)} of memory, more than the"
-                f" {format_byte_size(most_bytes)} that {subject} may; raise `max_memory`"
+                f" {format_byte_size(most_bytes)} allowed for {subject}; raise `max_memory`"
             )
         elif time.monotonic() - self.began_s > (self.limits.time_s or math.inf):
             self.error = RunError(

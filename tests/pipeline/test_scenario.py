@@ -172,7 +172,7 @@ def test_a_manifest_without_a_renderer_that_can_be_is_refused(
     manifest["identity"]["renderer"] = renderer
     (copy / "manifest.json").write_text(json.dumps(manifest))
     (copy / "103" / "000060.pcd").unlink()
-    with pytest.raises(RunError, match=r"names no renderer that made it.*--fresh"):
+    with pytest.raises(RunError, match=r"names no valid renderer.*--fresh"):
         repair_dataset(tmp_path)
 
 
