@@ -1,11 +1,13 @@
-"""Figures of the traffic of shipped scenarios next to measured traffic.
+"""Figures of the traffic and the LiDARs of shipped scenarios next to measured ones.
 
     python benchmarks/realism.py [compiled/ui_clear_day_dense.json ...]
 
-Background vehicles only: connected and staged ones follow the declarations.
+Traffic is of background vehicles only: connected and staged ones follow the declarations. Figures
+of LiDARs are those of the road in `docs/lidar_measurements.yaml`.
 """
 
 import argparse
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +21,13 @@ from advercity.conflicts.report import build_traffic_report
 from advercity.frames import Trace
 from advercity.pipeline.preparation import load_or_simulate_traffic
 
+sys.path.append(str(Path(__file__).parents[1] / "docs"))
+from make_lidar_calibration import compare_all  # pyright: ignore[reportMissingImports]
+
 SPECS = sorted(Path("compiled").glob("*_clear_day_*.json"))
 """Weathers share traces, so that one of them represents all."""
+ROAD_FIGURES = ("road_level", "road_fill", "wet_road")
+"""Kinds of figures of LiDARs that the road decides."""
 MOVING_M_S, STANDING_M_S = 0.5, 0.05
 FOLLOWING_M_S, FOLLOWING_M = 3.0, 40.0
 """Least speed and greatest gap at which a vehicle counts as one that follows another."""
@@ -101,10 +108,8 @@ def iterate_stops(track: NDArray[np.void], tick_s: float) -> Iterator[float]:
             yield float(track["speed"][begin] / ((end - begin) * tick_s))
 
 
-def format_table(paths: Sequence[Path]) -> str:
-    """Measure scenarios and format the figures as a table in Markdown."""
-    specs = [read_spec(path) for path in paths]
-    traces = [load_or_simulate_traffic(spec).trace for spec in specs]
+def format_traffic(specs: Sequence[Spec], traces: Sequence[Trace]) -> str:
+    """Format the figures of traffic as a table in Markdown."""
     samples = [measure_trace(*pair) for pair in zip(specs, traces, strict=True)]
     acceleration, headway, gap, stop = (
         np.concatenate([getattr(one, name) for one in samples])
@@ -163,6 +168,26 @@ def format_table(paths: Sequence[Path]) -> str:
             "declared, by road: Adver-City's crossing factor",
         ),
     )
+    return format_table(rows)
+
+
+def format_lidars() -> str:
+    """Format what LiDARs make of the road next to real scans."""
+    rows = [
+        (
+            item.measurement.name,
+            f"{item.model:.3g}",
+            f"{item.measurement.published:g}" + (" (fitted)" if item.measurement.sets else ""),
+            item.measurement.source,
+        )
+        for item in compare_all()
+        if item.measurement.figure["kind"] in ROAD_FIGURES
+    ]
+    return format_table(rows)
+
+
+def format_table(rows: Sequence[tuple[str, ...]]) -> str:
+    """Format rows of figure, value, reference and source as a table in Markdown."""
     heads = ("figure", "here", "reference", "source")
     lines = [heads, ("---",) * len(heads), *rows]
     return "".join("| " + " | ".join(line) + " |\n" for line in lines)
@@ -172,7 +197,9 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("specs", nargs="*", type=Path, default=SPECS)
-    print(format_table(parser.parse_args().specs), end="")
+    specs = [read_spec(path) for path in parser.parse_args().specs]
+    traces = [load_or_simulate_traffic(spec).trace for spec in specs]
+    print(format_traffic(specs, traces), format_lidars(), sep="\n", end="")
 
 
 if __name__ == "__main__":
