@@ -20,6 +20,7 @@ from advercity.assets.model_store import open_model_store
 from advercity.assets.package_folders import DIGEST_FILE, is_damaged, is_unpacked
 from advercity.assets.texture_store import describe_package, open_texture_store
 from advercity.errors import AdvercityError, RunError
+from advercity.exports.registry import load_export_formats
 from advercity.pipeline.cache import find_cache_folder
 from advercity.rendering.backend import list_backend_names, load_backend
 from advercity.texture_packs import TEXTURE_PACKS
@@ -55,6 +56,7 @@ def _run_checks() -> Iterator[CheckResult]:
         yield package, True, version(package)
     yield from _check_others("sensor", load_sensor_kinds())
     yield from _check_others("weather", load_weather_parts())
+    yield from _check_others("format", load_export_formats())
     yield from _check_packages()
     yield _run_check("cache", _check_cache)
 
@@ -83,7 +85,7 @@ def _check_backend(name: str) -> str:
 
 
 def _check_others(title: str, found: Registered[Any]) -> Iterator[CheckResult]:
-    """Check the kinds of sensors, or the parts of the weather, of other distributions."""
+    """Check the records of one sort that other distributions register."""
     for name, distribution in found.distributions.items():
         reason = found.broken.get(name)
         yield f"{title} {name}", reason is None, reason or f"{distribution} {version(distribution)}"

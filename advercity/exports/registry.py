@@ -1,10 +1,15 @@
-"""The formats of exports, by name."""
+"""The formats for exports of datasets, by name.
+
+Another distribution registers its `ExportFormat`, under the format's name, as an entry point of the
+group `advercity.exports`.
+"""
 
 import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
-from typing import Any
+from functools import cache
+
+from advercity_dsl.registry import Registered, load_named, load_registered
 
 from advercity.dataset.reader import Dataset
 from advercity.errors import InputError
@@ -22,19 +27,19 @@ class ExportFormat:
 
     Attributes:
         name: Its name on the command line.
-        module: Module of the package `advercity.exports` with its `list_pieces`; it is imported
-            when the format is used, with its libraries.
+        lister: Names, as `module:attribute`, the function that splits a dataset into pieces. It is
+            loaded when the format is used, with the libraries it needs.
         options: Possible values of its options by name; the first is taken unless another is named.
     """
 
     name: str
-    module: str
+    lister: str
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
 
     def load(self) -> PieceLister:
         """Load the function for splitting a dataset into pieces."""
-        module: Any = import_module(f"advercity.exports.{self.module}")
-        return module.list_pieces
+        lister: PieceLister = load_named(self.lister)
+        return lister
 
     def complete_options(self, given: Mapping[str, str | None]) -> dict[str, str]:
         """Complete options by their defaults, also in place of None.
@@ -54,29 +59,41 @@ class ExportFormat:
         return chosen
 
 
-EXPORT_FORMATS = {
+_HERE = "advercity.exports"
+CORE_FORMATS = {
     one.name: one
     for one in (
-        ExportFormat("adver_city", "adver_city"),
-        ExportFormat("calibration", "calibration"),
-        ExportFormat("coco", "coco"),
-        ExportFormat("croissant", "croissant"),
-        ExportFormat("kitti", "kitti"),
-        ExportFormat("mcap", "mcap_recording", {"schemas": ("foxglove", "ros2")}),
-        ExportFormat("nuscenes", "nuscenes", {"key_frames": ("all", "2hz")}),
-        ExportFormat("openlabel", "openlabel"),
-        ExportFormat("openscenario", "openscenario"),
-        ExportFormat("osi", "osi_trace"),
-        ExportFormat("v2xr", "v2xr"),
-        ExportFormat("webdataset", "webdataset_shards"),
+        ExportFormat("adver_city", f"{_HERE}.adver_city:list_pieces"),
+        ExportFormat("calibration", f"{_HERE}.calibration:list_pieces"),
+        ExportFormat("coco", f"{_HERE}.coco:list_pieces"),
+        ExportFormat("croissant", f"{_HERE}.croissant:list_pieces"),
+        ExportFormat("kitti", f"{_HERE}.kitti:list_pieces"),
+        ExportFormat(
+            "mcap", f"{_HERE}.mcap_recording:list_pieces", {"schemas": ("foxglove", "ros2")}
+        ),
+        ExportFormat("nuscenes", f"{_HERE}.nuscenes:list_pieces", {"key_frames": ("all", "2hz")}),
+        ExportFormat("openlabel", f"{_HERE}.openlabel:list_pieces"),
+        ExportFormat("openscenario", f"{_HERE}.openscenario:list_pieces"),
+        ExportFormat("osi", f"{_HERE}.osi_trace:list_pieces"),
+        ExportFormat("v2xr", f"{_HERE}.v2xr:list_pieces"),
+        ExportFormat("webdataset", f"{_HERE}.webdataset_shards:list_pieces"),
     )
 }
 
 
+@cache
+def load_export_formats() -> Registered[ExportFormat]:
+    """Load the formats of this installation."""
+    return load_registered(_HERE, CORE_FORMATS, ExportFormat)
+
+
 def find_export_format(name: str) -> ExportFormat:
-    """Return the format of a name; InputError with the nearest names if there is none."""
-    if name in EXPORT_FORMATS:
-        return EXPORT_FORMATS[name]
-    close = difflib.get_close_matches(name.lower(), EXPORT_FORMATS, n=2, cutoff=0.5)
-    hint = f"did you mean {' or '.join(close)}?" if close else f"{', '.join(EXPORT_FORMATS)}"
+    """Return the format of that name; InputError with the nearest names if there is none."""
+    formats = load_export_formats()
+    if name in formats.found:
+        return formats.found[name]
+    if name in formats.broken:
+        raise InputError(f"{name}: this format cannot be used: {formats.broken[name]}")
+    close = difflib.get_close_matches(name.lower(), formats.found, n=2, cutoff=0.5)
+    hint = f"did you mean {' or '.join(close)}?" if close else f"{', '.join(formats.found)}"
     raise InputError(f"{name}: no such format to export to; {hint}")

@@ -1,4 +1,4 @@
-"""Records of kinds of sensors and parts of the weather that other distributions register."""
+"""Records that other distributions register: kinds of sensors, parts of the weather, formats."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -14,8 +14,6 @@ from pydantic import BaseModel, create_model
 class _Record(Protocol):
     @property
     def name(self) -> str: ...
-    @property
-    def model(self) -> type[BaseModel]: ...
 
 
 _R = TypeVar("_R", bound=_Record)
@@ -46,7 +44,6 @@ def load_registered(
     group: str,
     core: Mapping[str, _R],
     record_type: type[_R],
-    model_base: type[BaseModel],
     check: Callable[[_R, Mapping[str, _R]], None] = lambda record, found: None,
 ) -> Registered[_R]:
     """Load the records of an installation.
@@ -55,7 +52,6 @@ def load_registered(
         group: Group of their entry points, which have the records' names.
         core: Records of advercity, by name.
         record_type: Type of the records.
-        model_base: Base class of their models.
         check: Raises a ValueError if a record does not go with those found before.
     """
     found, broken = dict(core), dict[str, str]()
@@ -72,10 +68,6 @@ def load_registered(
         record = load_named(values[0])
         if not isinstance(record, record_type) or record.name != name:
             raise ValueError(f"{values[0]} is no {record_type.__name__} with the name '{name}'")
-        model: Any = record.model
-        if not issubclass(model, model_base):
-            message = f"has a model that is not derived from {model_base.__name__}"
-            raise ValueError(f"{values[0]} {message}")
         check(record, found)
         return record
 
@@ -85,6 +77,12 @@ def load_registered(
         except Exception as error:  # modules of others may raise anything
             broken[name] = str(error)
     return Registered(found, broken, distributions)
+
+
+def check_model(name: str, model: type[BaseModel], base: type[BaseModel]) -> None:
+    """Raise a ValueError if the model of a record is not derived from a class."""
+    if not issubclass(model, base):
+        raise ValueError(f"{name} has a model that is not derived from {base.__name__}")
 
 
 def add_fields(base: type[BaseModel], fields: Mapping[str, Any]) -> Any:

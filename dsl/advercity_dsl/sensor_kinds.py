@@ -4,6 +4,7 @@ Another distribution registers its `SensorKind`, under the kind's name, as an en
 group `advercity.sensors`.
 """
 
+from collections.abc import Mapping
 from functools import cache
 
 from advercity_dsl.camera import Camera
@@ -12,7 +13,7 @@ from advercity_dsl.inertial import Imu
 from advercity_dsl.lidar import Lidar
 from advercity_dsl.positioning import Gnss
 from advercity_dsl.radar import Radar
-from advercity_dsl.registry import Registered, load_registered
+from advercity_dsl.registry import Registered, check_model, load_registered
 from advercity_dsl.sampling import Sampled
 from advercity_dsl.sensor_kind import SensorKind
 from advercity_dsl.thermal import ThermalCamera
@@ -93,4 +94,8 @@ CORE_KINDS = {
 @cache
 def load_sensor_kinds() -> Registered[SensorKind]:
     """Load the kinds of this installation."""
-    return load_registered("advercity.sensors", CORE_KINDS, SensorKind, Sampled)
+    return load_registered("advercity.sensors", CORE_KINDS, SensorKind, _check_kind)
+
+
+def _check_kind(kind: SensorKind, others: Mapping[str, SensorKind]) -> None:
+    check_model(kind.name, kind.model, Sampled)

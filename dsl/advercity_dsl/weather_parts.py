@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import Field
 
-from advercity_dsl.registry import Registered, load_registered
+from advercity_dsl.registry import Registered, check_model, load_registered
 from advercity_dsl.weather_components import Air, Dust, Fog, Hail, Rain, Snow, WeatherComponent
 from advercity_dsl.weather_part import OTHERS_POINT_KINDS, WeatherPart
 
@@ -35,10 +35,11 @@ CORE_PARTS = {
 def load_weather_parts() -> Registered[WeatherPart]:
     """Load the parts of this installation."""
     group = "advercity.weather_parts"
-    return load_registered(group, CORE_PARTS, WeatherPart, WeatherComponent, _check_points)
+    return load_registered(group, CORE_PARTS, WeatherPart, _check_part)
 
 
-def _check_points(part: WeatherPart, others: Mapping[str, WeatherPart]) -> None:
+def _check_part(part: WeatherPart, others: Mapping[str, WeatherPart]) -> None:
+    check_model(part.name, part.model, WeatherComponent)
     if part.colour is not None and part.point_kind not in OTHERS_POINT_KINDS:
         low, high = OTHERS_POINT_KINDS[0], OTHERS_POINT_KINDS[-1]
         raise ValueError(f"point_kind is {part.point_kind}; choose one from {low} to {high}")

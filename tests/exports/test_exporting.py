@@ -26,10 +26,11 @@ from advercity.exports import export_folder, kitti
 from advercity.exports.export_folder import verify_export
 from advercity.exports.exporting import export_dataset
 from advercity.exports.oxts import format_oxts
-from advercity.exports.registry import EXPORT_FORMATS
+from advercity.exports.registry import CORE_FORMATS
 from advercity.pipeline.progress import Progress, ProgressCallback
 from tests.builders import SensorFramesOf, identify, write_scenario
 from tests.command_line import Command
+from tests.dsl.test_sensor_kinds import install, run
 
 IMAGE = "training/image_2/000004.png"
 KILLED_EXPORT = """
@@ -58,7 +59,7 @@ def snapshot(folder: Path) -> dict[str, bytes]:
 
 
 def test_help_names_every_format() -> None:
-    assert tuple(EXPORT_FORMATS) == EXPORT_FORMAT_NAMES
+    assert tuple(CORE_FORMATS) == EXPORT_FORMAT_NAMES
 
 
 def test_an_export_is_complete_and_verified(
@@ -602,3 +603,37 @@ def test_a_manifest_with_a_file_of_no_piece_is_refused(dataset: Path, tmp_path: 
     with pytest.raises(RunError, match="not the manifest of an export"):
         export_dataset("kitti", dataset, output)
     assert (output / path).is_file()
+
+
+NAMES_FORMAT = """
+from advercity.exports.pieces import split_by_scenario
+from advercity.exports.registry import ExportFormat
+
+FORMAT = ExportFormat("names", "agent_names:list_pieces")
+
+def list_pieces(dataset, options):
+    def write(scenario, files):
+        for frame in files.track(scenario):
+            names = ", ".join(frame.views)
+        files.write(f"{scenario.path.name}.txt", names.encode())
+    return split_by_scenario(dataset, write)
+"""
+
+
+def test_a_format_of_another_distribution_is_exported_to(dataset: Path, tmp_path: Path) -> None:
+    """Its module is found by an entry point; no file of advercity names it."""
+    install(
+        tmp_path,
+        name="agent_names",
+        module=NAMES_FORMAT,
+        group="advercity.exports",
+        names="agent_names:FORMAT",
+    )
+    output = tmp_path / "names"
+    code = f"sys.argv = ['advercity', 'export', 'names', {str(dataset)!r}, '--output', "
+    code += f"{str(output)!r}]; from advercity.cli import main; main()"
+    assert run(tmp_path, code) == str(output)
+    assert [path.read_text() for path in sorted(output.glob("*.txt"))] == [
+        "cav1, cav2, cav3, rsu1, rsu2"
+    ] * 2
+    assert verify_export(output)[0] == []
