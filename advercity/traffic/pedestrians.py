@@ -64,8 +64,8 @@ def draw_pedestrian_trips(
 ) -> tuple[PedestrianTrip, ...]:
     """Draw the trips of people on foot.
 
-    The declared fraction of them first crosses a street. They start so near to it that they can be
-    there soon after the recording begins.
+    The declared fraction of them first crosses a street. They start so near to it that they are
+    there soon after the recording begins, at green if the crossing has lights.
 
     Args:
         spec: The scenario.
@@ -135,7 +135,7 @@ def _send_across(
     trip: PedestrianTrip,
     *redraws: int,
 ) -> PedestrianTrip:
-    """Return the trip of a person who first crosses a street where that has green soon."""
+    """Return the trip of a person who first crosses a street, if possible one with green soon."""
     timing = spec.timing
     draw = create_generator(spec.seeds.traffic, "crosses", trip.actor.id, *redraws)
     begin_s = timing.warm_up_ticks * timing.tick_s
