@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 from advercity_dsl import ActorClass, DriverResponse
 
 from advercity.traffic.demand import TrafficDemand, VehicleTrip
-from advercity.traffic.driving_styles import MEDIAN_STYLE
+from advercity.traffic.driving_styles import MEDIAN_STYLE, DrivingStyle
 from advercity.traffic.pedestrians import PedestrianTrip
 
 
@@ -80,7 +80,8 @@ def write_route_file(
     for trip in demand.staged:
         _add_vehicle_type(root, trip, find_driving(trip))
     for trip in demand.vehicles:
-        _add_vehicle_type(root, trip, apply_driver_response(find_driving(trip), caution))
+        driving = apply_driver_response(find_driving(trip), caution)
+        _add_vehicle_type(root, trip, apply_style(driving, trip.style))
     for trip in demand.walkers:
         _add_pedestrian_type(root, trip)
     # SUMO skips actors that depart before the one above them in the file.
@@ -91,21 +92,8 @@ def write_route_file(
 
 
 def find_driving(trip: VehicleTrip, *, is_connected: bool = False) -> CarFollowing:
-    """Find how a vehicle drives in clear weather."""
-    if is_connected:
-        return CONNECTED_CAR_FOLLOWING
-    usual, style = CAR_FOLLOWING[trip.actor.actor_class], trip.style
-    if style is MEDIAN_STYLE:
-        return usual
-    return replace(
-        usual,
-        acceleration_m_s2=style.acceleration_ratio * usual.acceleration_m_s2,
-        deceleration_m_s2=style.braking_ratio * usual.deceleration_m_s2,
-        # In an emergency all brake alike, as hard as the road permits.
-        max_emergency_braking_m_s2=usual.deceleration_m_s2 + EMERGENCY_EXTRA_M_S2,
-        headway_s=style.headway_ratio * usual.headway_s,
-        standing_gap_m=style.gap_ratio * usual.standing_gap_m,
-    )
+    """Find how vehicles of its class drive in clear weather."""
+    return CONNECTED_CAR_FOLLOWING if is_connected else CAR_FOLLOWING[trip.actor.actor_class]
 
 
 def apply_driver_response(driving: CarFollowing, caution: DriverResponse | None) -> CarFollowing:
@@ -118,6 +106,23 @@ def apply_driver_response(driving: CarFollowing, caution: DriverResponse | None)
         deceleration_m_s2=min(driving.deceleration_m_s2, caution.usual_m_s2),
         max_emergency_braking_m_s2=min(driving.max_emergency_braking_m_s2, caution.hardest_m_s2),
         headway_s=driving.headway_s + caution.headway_s,
+    )
+
+
+def apply_style(driving: CarFollowing, style: DrivingStyle) -> CarFollowing:
+    """Change driving by a driver's own ratios; in an emergency all brake alike."""
+    if style is MEDIAN_STYLE:
+        return driving
+    hardest = min(
+        driving.deceleration_m_s2 + EMERGENCY_EXTRA_M_S2, driving.max_emergency_braking_m_s2
+    )
+    return replace(
+        driving,
+        acceleration_m_s2=style.acceleration_ratio * driving.acceleration_m_s2,
+        deceleration_m_s2=min(style.braking_ratio * driving.deceleration_m_s2, hardest),
+        max_emergency_braking_m_s2=hardest,
+        headway_s=style.headway_ratio * driving.headway_s,
+        standing_gap_m=style.gap_ratio * driving.standing_gap_m,
     )
 
 

@@ -16,7 +16,12 @@ from numpy.typing import NDArray
 from advercity.errors import RunError
 from advercity.roads.lane_graph import LaneGraph
 from advercity.traffic.demand import TrafficDemand, slow_trip
-from advercity.traffic.route_file import apply_driver_response, compute_limits, find_driving
+from advercity.traffic.route_file import (
+    apply_driver_response,
+    apply_style,
+    compute_limits,
+    find_driving,
+)
 from advercity.traffic.speed_profile import SpeedLimiter, SpeedProfile
 from advercity.traffic.sumo_observation import ActorLog, SignalLog
 from advercity.traffic.sumo_recording import SumoRecording
@@ -214,9 +219,10 @@ class _SumoRun:
             name = str(trip.actor.id)
             slowed = slow_trip(trip, response, before=self._spec.caution)
             driving = find_driving(trip, is_connected=trip in self._demand.connected)
+            driving = apply_style(apply_driver_response(driving, response), trip.style)
+            limits = compute_limits(trip, driving)
             # SUMO gives vehicles whose speed is limited types of their own.
             for domain in (libsumo.vehicletype, *([libsumo.vehicle] if name in present else [])):
-                limits = compute_limits(trip, apply_driver_response(driving, response))
                 domain.setAccel(name, limits.acceleration_m_s2)
                 domain.setDecel(name, limits.deceleration_m_s2)
                 domain.setEmergencyDecel(name, limits.max_emergency_braking_m_s2)

@@ -78,6 +78,6 @@ def test_people_walk_on_the_ground_on_streets_too(specs: dict[str, Spec]):
         semantic += hits.semantic.tolist()
     on_street = np.isin(semantic, (Semantic.ROAD, Semantic.ROAD_LINE))
     assert on_street.sum() >= 3
-    # They need a step to climb a kerb of 0.15 m.
-    assert np.abs(gaps).max() < 0.15
+    # They need a step to climb a kerb of 0.15 m, next to which the roadway slopes a little.
+    assert np.abs(gaps).max() < 0.16
     assert np.median(np.abs(np.array(gaps)[on_street])) < 0.02
