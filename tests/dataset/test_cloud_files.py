@@ -1,19 +1,21 @@
 import struct
 from dataclasses import fields
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from advercity.dataset import cloud_files
 from advercity.errors import InputError
+from advercity.run_options import CloudEncoding
 from advercity.sensors.measurements import PointCloud
 from tests.builders import SensorFramesOf
 
 
-@pytest.mark.parametrize("encoding", cloud_files.CLOUD_ENCODINGS)
+@pytest.mark.parametrize("encoding", get_args(CloudEncoding))
 def test_the_table_has_every_field_of_a_point(
-    sensor_frames_of: SensorFramesOf, tmp_path: Path, encoding: cloud_files.CloudEncoding
+    sensor_frames_of: SensorFramesOf, tmp_path: Path, encoding: CloudEncoding
 ) -> None:
     cloud = sensor_frames_of(0)[0].point_cloud
     path = tmp_path / "points.pcd"
@@ -137,9 +139,9 @@ def decompress_lzf(data: bytes) -> bytes:
     return bytes(out)
 
 
-@pytest.mark.parametrize("encoding", cloud_files.CLOUD_ENCODINGS)
+@pytest.mark.parametrize("encoding", get_args(CloudEncoding))
 def test_a_cloud_without_points_is_read(
-    lidar_like: PointCloud, tmp_path: Path, encoding: cloud_files.CloudEncoding
+    lidar_like: PointCloud, tmp_path: Path, encoding: CloudEncoding
 ) -> None:
     none = PointCloud(*(getattr(lidar_like, item.name)[:0] for item in fields(PointCloud)))
     path = tmp_path / "points.pcd"

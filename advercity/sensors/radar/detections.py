@@ -71,7 +71,7 @@ class _Echoes:
         direction: FloatArray,
         power: FloatArray,
         snr: FloatArray,
-        kind: PointKind,
+        kind: int,
     ) -> "_Echoes":
         """Build echoes that no actor returned."""
         no_actor = np.zeros(len(range_m), np.int32)
