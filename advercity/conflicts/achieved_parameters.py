@@ -1,4 +1,4 @@
-"""Declared parameters of a staged conflict, next to what its trace shows."""
+"""Measure the declared parameters of a staged conflict on its trace."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from advercity.conflicts.metrics import ActorTrack
 from advercity.conflicts.trajectories import find_closest_approach
 
 APPROACH_WINDOW_S = 8.0
-"""Time before the ego's arrival in which the actor's approach is looked for."""
+"""Time before the ego's arrival over which the actor's approach is measured."""
 TOLERANCES = {"_km_h": 0.5, "_s": 0.05, "_m": 0.05}
-"""Resolution of a measured value by the unit at the end of its name: of times, half a tick."""
+"""Resolution of a measured value by the unit at the end of its name; for times, half a tick."""
 
 
 @dataclass(frozen=True)
@@ -68,20 +68,20 @@ def measure_parameters(
     since_red_s: float,
     tick_s: float,
 ) -> tuple[AchievedParameter, ...]:
-    """Measure those declared parameters that a trace shows.
+    """Measure the declared parameters that show in a trace.
 
     Args:
         conflict: The conflict.
         ego: Whole track of the ego.
         actor: Whole track of the actor.
-        ego_at_s: Time from the first kept tick at which the ego is at the conflict point.
-        lag_s: How much later the actor would have been there at the speed of its approach.
+        ego_at_s: Time from the first kept tick to the ego's arrival at the conflict point.
+        lag_s: How much later the actor would have arrived at the speed of its approach.
         lanes: Paths of the ego and of the actor in their lanes.
-        since_red_s: Time from the red of the light that the actor runs to its passing of the line.
+        since_red_s: Time from the red of the actor's light to its passing of the stop line.
         tick_s: Time between ticks.
     """
     meeting = _Meeting(ego, actor, ego_at_s, lag_s, lanes, since_red_s, tick_s)
-    # How far an actor would have come over the line does not show where both collide before.
+    # In a collision the actor does not reach its full distance over the line.
     hidden = ("encroachment_m",) if conflict.resolved_by == "nobody" else ()
     return tuple(
         AchievedParameter(name, conflict.declared[name], round(measure(meeting), 3))
@@ -93,7 +93,7 @@ def measure_parameters(
 def select_before(
     track: ActorTrack, at_s: float, window_s: float, tick_s: float
 ) -> NDArray[np.intp]:
-    """Select the indices of a track's rows in a window of time that ends at a time."""
+    """Select the indices of a track's rows in the `window_s` before `at_s`."""
     times_s = track.rows["tick"] * tick_s
     return np.flatnonzero((times_s >= at_s - window_s) & (times_s <= at_s))
 
@@ -112,7 +112,7 @@ def _find_top_speed_km_h(track: ActorTrack, meeting: _Meeting, window_s: float) 
 
 
 def _measure_encroachment(meeting: _Meeting) -> float:
-    """Measure how far the actor's outline is over the middle between both lanes at most."""
+    """Measure the maximum reach of the actor's outline over the middle between both lanes."""
     ego_lane, actor_lane = meeting.lanes
     passing, _ = find_closest_approach(meeting.ego, meeting.actor)
     coming = meeting.actor.centres[meeting.actor.rows["tick"] <= passing]
@@ -129,4 +129,4 @@ _MEASURES: Mapping[str, Callable[[_Meeting], float]] = {
     "encroachment_m": _measure_encroachment,
     "since_red_s": lambda meeting: meeting.since_red_s,
 }
-"""How each parameter that a trace shows is measured; the others show in none."""
+"""Measurement of each parameter that shows in a trace."""

@@ -1,8 +1,8 @@
-"""Where the actor of a conflict comes from, and where its path meets the ego's.
+"""Place the actor of a conflict: its start, its path, and where the path meets the ego's.
 
-There is a function for each kind of approach: across the road, ahead of the ego, in a lane through
-the junction, and along the right edge; those in the opposite lane are in `opposite_lane`. Stations
-are metres on the ego's path; offsets are metres to the left of the centre of its lane.
+One function per kind of approach: across the road, ahead of the ego, in a lane through the
+junction, and along the right edge. `opposite_lane` holds the approaches in the opposite lane.
+Stations are metres on the ego's path; offsets are metres to the left of its lane's centre.
 """
 
 from dataclasses import replace
@@ -59,7 +59,7 @@ def place_actor(case: ConflictCase) -> ActorPlacement:
 def compute_lane_edge_offset(
     segment: RouteSegment, *, right: bool, to_median: bool = True
 ) -> float:
-    """Compute the offset of the outer edge of a street's lanes; left, a median counts if wanted."""
+    """Compute the offset of the lanes' outer edge; with `to_median`, left lanes end at a median."""
     own = segment.strips_on_side(right=True)
     if right:
         return segment.lateral_offset([b for b in own if b.kind is StripKind.LANE][-1].outer_t)
@@ -70,7 +70,7 @@ def compute_lane_edge_offset(
 
 
 RIDING_INSET_M = 0.25
-"""Distance from the edge of the lanes at which a cyclist rides where there is no shoulder."""
+"""Distance of a cyclist from the edge of the lanes on a street without a shoulder."""
 
 
 def compute_riding_offset(segment: RouteSegment) -> float:
@@ -85,23 +85,23 @@ def compute_riding_offset(segment: RouteSegment) -> float:
 
 
 WAITING_GAP_M = 0.8
-"""Distance from the edge of the lanes at which an actor waits to cross."""
+"""Distance of a waiting actor from the edge of the lanes."""
 RUN_UP_M = {"bicycle": (6.0, 25.0)}
-"""Shortest and longest distance behind the waiting position at which an actor sets out, by class.
-Euro NCAP's cyclists are steady from 17 and 22 m before the impact on."""
+"""Minimum and maximum distance of the start behind the waiting position, by class.
+Cyclists in Euro NCAP's tests ride steadily from 17 and 22 m before the impact."""
 FIRST_CROSSING_FRACTION, NEXT_CROSSING_FRACTION = 0.55, 0.3
 """Fraction of the ego's drive at which it is crossed between junctions, and steps to the next."""
 DRIVEWAY_M = 3.0
-"""Distance beyond the edge of the ego's exit street at which an actor sets out."""
+"""Maximum distance of a start from the outer edge of the ego's exit street."""
 CLEAR_OF_JUNCTIONS_M = 8.0
 CLEAR_OF_TURN_M = 25.0
-"""Distance behind a junction from which on an ego goes straight on."""
+"""Distance after a junction beyond which the ego goes straight on."""
 SETTLED_S = 1.0
-"""Time by which a conflict comes later than it has to: an ego that reacts restarts late."""
+"""Extra time before a later conflict: an ego that reacted restarts late."""
 ASIDE_RATIO = 0.35
-"""Metres ahead that an actor walks for each metre to the side when it leaves the ego's lane."""
+"""Metres an actor walks ahead per metre aside as it leaves the ego's lane."""
 LANE_HUGGING_FRACTION = 0.15
-"""Lateral position of an actor that walks ahead, as a fraction of where it leaves the lanes."""
+"""Lateral position of an actor walking ahead, as a fraction of its offset outside the lanes."""
 
 
 def place_across(case: ConflictCase) -> ActorPlacement:
@@ -113,12 +113,12 @@ def place_across(case: ConflictCase) -> ActorPlacement:
     wait = _compute_waiting_offset_m(case, segment, right=nearside)
     wait = max(wait, case.parameters.get("start_lateral_m", 0.0))
     run_up, longest = RUN_UP_M.get(case.actor.actor_class, (0.0, 0.0))
-    if case.index > 1 and station > segment.start_m:  # not on a crossing, to which sidewalks lead
+    if case.index > 1 and station > segment.start_m:  # not on a crossing: sidewalks lead there
         strips = segment.strips_on_side(right=nearside)
         edge = abs(segment.lateral_offset(strips[-1].outer_t))
         longest = min(longest, max(edge + DRIVEWAY_M - wait, 0.0))
     start = wait + min(max(run_up, compute_needed_approach_m(case) - wait), longest)
-    # A metre past where it would wait on the other side, so that it is clear of the lanes.
+    # A metre past the waiting position on the other side, clear of the lanes.
     end = _compute_waiting_offset_m(case, segment, right=not nearside) + 1.0
     path = case.drive.path
     ends = [path.point_at(station, sign * start), path.point_at(station, -sign * end)]
@@ -145,15 +145,15 @@ def place_ahead(case: ConflictCase) -> ActorPlacement:
 
 
 def _compute_waiting_offset_m(case: ConflictCase, segment: RouteSegment, *, right: bool) -> float:
-    """Compute the distance from the ego's path to where an actor waits; cyclists skip medians."""
+    """Compute the distance of a waiting actor from the ego's path; cyclists skip medians."""
     rides = case.actor.actor_class == "bicycle"
     return abs(compute_lane_edge_offset(segment, right=right, to_median=not rides)) + WAITING_GAP_M
 
 
 def _find_crossed_station(case: ConflictCase) -> float:
-    """Find the station at which the ego is crossed: on the exit crossing, or between junctions.
+    """Find the station of a crossing: at the crossing of the exit street, or between junctions.
 
-    After another conflict at a junction it is crossed on the street behind, clear of the turn.
+    After an earlier conflict at the junction, it is on the exit street, clear of the turn.
     """
     drive = case.drive
     earliest = drive.motion.station_at(case.not_before_s + SETTLED_S) if case.index > 1 else 0.0
@@ -163,7 +163,7 @@ def _find_crossed_station(case: ConflictCase) -> float:
             return max(earliest, after.start_m + CLEAR_OF_TURN_M)
         if case.conflict.parameters.obstruction_gap_m is None:
             return after.start_m - CROSSING_OFFSET_M
-        # Cars that hide the actor are parked along the street, not at its crossing.
+        # Cars that hide the actor park along the street, not at the crossing.
         return (after.start_m + min(after.end_m, drive.end_m)) / 2
     fraction = FIRST_CROSSING_FRACTION + (case.index - 1) * NEXT_CROSSING_FRACTION
     wanted = max(drive.start_m + fraction * (drive.end_m - drive.start_m), earliest)
@@ -181,19 +181,19 @@ def _find_crossed_station(case: ConflictCase) -> float:
 STOP_LINE_GAP_M = 1.0
 """Distance of a waiting vehicle from the stop line."""
 ALONG_EDGE_M = 26.0
-"""Length of the path along the edge before the junction, and after it."""
+"""Length of the path along the edge before and after the junction."""
 ALONGSIDE_EXTRA_GAP_M = 0.3
-"""Extra distance to the right of an actor that rides alongside the ego."""
+"""Extra distance to the right of an actor riding alongside the ego."""
 BEARINGS = {"from_left": -np.pi / 2, "from_right": np.pi / 2, "alongside": 0.0}
-"""Heading towards the junction less that of the ego, radians; all others are oncoming."""
+"""Heading towards the junction relative to the ego's, radians; all others are oncoming."""
 APPROACH_TOLERANCE_RAD = np.pi / 4
-"""Tolerance of such a bearing."""
+"""Tolerance of `BEARINGS`."""
 STRAIGHT_TOLERANCE_RAD = np.pi / 5
-"""A movement that turns by less goes straight on."""
+"""Movements with a smaller turn go straight on."""
 
 
 def place_in_lane(case: ConflictCase) -> ActorPlacement:
-    """Place a vehicle at the stop line, to go straight on, or left where the actor turns."""
+    """Place a vehicle before the stop line, to go straight on or to turn left."""
     movement = _find_straight_movements(case)[0]
     if case.conflict.actor.comes == "oncoming_turning":
         movement = _find_left_turn(case.drive, movement.from_street)
@@ -215,7 +215,7 @@ def place_in_lane(case: ConflictCase) -> ActorPlacement:
         approach_street=movement.from_street,
         beyond_line_m=approach_m - start_m,
     )
-    # What the junction leaves no room for is done before it: the actor starts farther back.
+    # If the junction is too short for the approach, the actor starts farther back.
     room_m = line_m - start_m - find_last_free_station(case, path, line_m)
     wanted_m = max(compute_needed_approach_m(case), compute_run_m(case, station))
     back_m = min(max(wanted_m - approach_m, 0.0), room_m)
@@ -223,10 +223,10 @@ def place_in_lane(case: ConflictCase) -> ActorPlacement:
 
 
 def fit_actor_speed(case: ConflictCase) -> ConflictCase:
-    """Draw the speed of an actor that stops short or drifts from what the road leaves of its range.
+    """Redraw the speed of an actor that stops short or drifts, within the limits of the road.
 
-    One that stops short can reach that speed and stop again, and brakes within the declared time to
-    collision. One that drifts keeps to the limit of the street where it meets the ego.
+    An actor that stops short can reach the speed and stop again, and brakes within the declared
+    time to collision. An actor that drifts keeps to the limit at the meeting.
     """
     behaviour = case.conflict.actor.behaviour
     low_km_h, high_km_h = compute_bounds(case.conflict.parameters.actor_speed_km_h.draw)

@@ -1,4 +1,4 @@
-"""Match conflicts to roads: which can be staged where, and why others cannot.
+"""Match conflicts to roads: find which can be staged where, and the obstacles to the others.
 
 A road may have to change for a conflict: another route of the ego, no traffic lights at its
 junction, or connected vehicles behind the ego instead of ahead of it.
@@ -19,10 +19,10 @@ from advercity.roads.routes import RoutePath, RoutePlanner, build_ego_path
 from advercity.roads.streets import StripLayout
 
 SIDE_STREET_SINE = np.sin(np.pi / 4)
-"""Sine of the angle to the ego's street beyond which a street comes from the side."""
+"""Sine of the angle to the ego's street beyond which a street is a side street."""
 Standing = Literal["primary", "extension", "variant", "invalid"]
 MIN_KERB_SPACE_M = 2.0
-"""Minimum width of the strips next to the lanes that a vehicle can be parked on."""
+"""Minimum total width of the strips next to the lanes for a vehicle to park."""
 STRAIGHT_TURN_RAD = 0.6
 """The ego goes straight on if it turns by less than this at its junction."""
 
@@ -32,10 +32,10 @@ class Binding:
     """How a conflict matches a road.
 
     Attributes:
-        standing: `primary`: its crash group calls for such a road; `extension`: it fits, but no
-            group calls for it; `variant`: it would fit if the junction had no traffic lights;
+        standing: `primary`: its crash group calls for this road; `extension`: it fits, but no
+            group calls for it; `variant`: it would fit without traffic lights at the junction;
             `invalid`: it does not fit.
-        reason: Why it is a variant or invalid.
+        reason: Reason for a variant or invalid match.
     """
 
     standing: Standing
@@ -45,13 +45,13 @@ class Binding:
 def is_crossing(conflict: Conflict) -> bool:
     """Return whether a conflict's actor crosses the street of an ego that goes straight on.
 
-    It can do so at any place, so also after the ego has turned.
+    Such a conflict can happen anywhere, also after the ego has turned.
     """
     return conflict.ego.manoeuvre == "straight" and conflict.actor.comes in ("nearside", "farside")
 
 
 def match_conflict(conflict: Conflict, road: Road, *, called_for: bool) -> Binding:
-    """Match a conflict to a road that its typology calls for, or not."""
+    """Match a conflict to a road; `called_for` is whether the typology calls for the road."""
     turn = name_in_world(conflict.ego.manoeuvre, road)
     road = to_plan_frame(road)
     reason = _find_obstacle(conflict, road, turn)
@@ -68,11 +68,11 @@ def match_conflict(conflict: Conflict, road: Road, *, called_for: bool) -> Bindi
 
 
 def with_ego_manoeuvre(road: Road, conflict: Conflict) -> Road | None:
-    """Return the road with the ego on a route for the conflict's manoeuvre; None if it has none.
+    """Return the road with the ego on a route for the conflict's manoeuvre; None without one.
 
-    Where the conflict wants a free road ahead, connected vehicles that would lead the ego start
-    behind it; where it forbids traffic lights, the ego's junctions have none. Conflicts name the
-    manoeuvres of right-hand traffic; in left-hand traffic the ego makes their mirror images.
+    If the conflict needs a free road ahead, connected vehicles ahead of the ego move behind it.
+    If it forbids traffic lights, the ego's junctions lose theirs. Conflicts name the manoeuvres
+    of right-hand traffic; in left-hand traffic the ego makes their mirror images.
     """
     plan = _with_ego_manoeuvre(to_plan_frame(road), conflict)
     return None if plan is None else to_world_frame(plan, road)
@@ -110,7 +110,7 @@ def find_usual_manoeuvre(road: Road) -> str:
 
 
 def _find_obstacle(conflict: Conflict, road: Road, turn: Manoeuvre) -> str:
-    """Find why a conflict does not fit a road, traffic lights aside; empty if it does.
+    """Find the obstacle to a conflict on a road, traffic lights aside; empty without one.
 
     The road is in the plan frame, `turn` is the ego's manoeuvre in the world.
     """
@@ -166,7 +166,7 @@ def _has_signals_at_intersection(road: Road) -> bool:
 
 
 def _find_signalled_junctions(road: Road) -> tuple[str, ...]:
-    """Find the junctions on the ego's route that have traffic lights."""
+    """Find the junctions with traffic lights on the ego's route."""
     planner = RoutePlanner(road)
     return tuple(
         junction
@@ -177,7 +177,7 @@ def _find_signalled_junctions(road: Road) -> tuple[str, ...]:
 
 
 def _without_signals(road: Road) -> Road:
-    """Replace traffic lights on the ego's route by stop signs for the streets from the sides."""
+    """Replace traffic lights on the ego's route by stop signs for the side streets."""
     planner = RoutePlanner(road)
     junctions = dict(road.junctions)
     for name in _find_signalled_junctions(road):
@@ -204,11 +204,11 @@ FOLLOWING_DISTANCE_M = 25.0
 FOLLOWER_LINE_GAP_M = 5.0
 """Minimum distance of a follower's centre from the end of its street."""
 SAME_SIDE_GAP_M = 6.0
-"""Distance from the ego's path within which a vehicle is on its side of the road."""
+"""Maximum distance from the ego's path of a vehicle on the ego's side of the road."""
 
 
 def with_followers(road: Road) -> Road | None:
-    """Move connected vehicles that would lead the ego behind it; None without room."""
+    """Move connected vehicles ahead of the ego behind it; None without room."""
     planner, ego = RoutePlanner(road), road.ego
     path, start_m, _ = build_ego_path(planner, ego)
     followers = {
@@ -222,7 +222,7 @@ def with_followers(road: Road) -> Road | None:
 
 
 def _is_leading(place: Vehicle, path: RoutePath, start_m: float) -> bool:
-    """Return whether a vehicle starts farther on the ego's path and in its direction."""
+    """Return whether a vehicle starts ahead of the ego on its path and in its direction."""
     station = path.find_nearest_station(place.spawn_m)
     gap_m = np.linalg.norm(path.point_at(station) - np.array(place.spawn_m))
     same_way = np.cos(path.heading_at(station) - np.radians(place.heading_deg)) > 0
@@ -230,7 +230,7 @@ def _is_leading(place: Vehicle, path: RoutePath, start_m: float) -> bool:
 
 
 def _place_behind_ego(place: Vehicle, ego: Vehicle, planner: RoutePlanner) -> Vehicle | None:
-    """Move a vehicle behind the ego, with its destination kept; None without room."""
+    """Move a vehicle behind the ego and keep its destination; None without room."""
     route = (*ego.route[: ego.route.index(place.route[0])], *place.route)
     path, ego_m, _ = build_ego_path(planner, ego)
     station = ego_m - FOLLOWING_DISTANCE_M
@@ -256,7 +256,7 @@ def _place_behind_ego(place: Vehicle, ego: Vehicle, planner: RoutePlanner) -> Ve
 def _find_preceding_route(
     onward: tuple[str, ...], ego: Vehicle, planner: RoutePlanner
 ) -> tuple[tuple[str, ...], RoutePath] | None:
-    """Find a route that begins on a street before, leads to the ego's lane and turns least."""
+    """Find a route from a preceding street to the ego's lane, with the least turn."""
     street = planner.streets[onward[0]]
     junction = street.begins if planner.is_along_axis(onward, 0) else street.ends
     candidates: list[tuple[float, float, tuple[str, ...], RoutePath]] = []

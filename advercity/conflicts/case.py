@@ -1,6 +1,6 @@
 """A conflict at a road before it is solved: its drawn parameters and participants.
 
-Every draw is a function of seed, key and name alone, so that none depends on another.
+Each draw is a function of seed, key and name alone, so draws do not depend on each other.
 """
 
 import math
@@ -25,12 +25,12 @@ class UnsolvableError(ValueError):
 
 
 CALM_S = 4.0
-"""Time without a critical event after the start of the recording, and between two of them."""
+"""Time without a critical event after the start of the recording, and between two events."""
 PARAMETER_DIGITS = 4
 
 
 def sample_parameters(parameters: ConflictParameters, seed: int, key: str) -> dict[str, float]:
-    """Draw a number for every parameter except the ego's speed, which the road determines."""
+    """Draw a number for every parameter except the ego's speed, which depends on the road."""
     return {
         name: _round_significant(_draw_value(item.draw, seed, key, name))
         for name in type(parameters).model_fields
@@ -86,7 +86,7 @@ class ParticipantSampler:
     Attributes:
         blueprints: Blueprints by name.
         seed: Seed of the suite's traffic.
-        key: Road, conflict and density, which the random streams are keyed by.
+        key: Road, conflict and density; the key of the random streams.
     """
 
     blueprints: Mapping[str, Blueprint]
@@ -94,7 +94,7 @@ class ParticipantSampler:
     key: str
 
     def draw_actor(self, classes: Sequence[ActorClass]) -> RoadUser:
-        """Draw the actor that the ego meets, of one of the classes."""
+        """Draw the actor that the ego meets, from one of the classes."""
         candidates = [names for item in classes if (names := self._list_blueprints(item))]
         if not candidates:
             raise UnsolvableError(f"no blueprint is of the class {' or '.join(classes)}")
@@ -102,11 +102,11 @@ class ParticipantSampler:
         return self._draw_from(candidates[int(draw.integers(len(candidates)))], draw)
 
     def draw_cyclist(self) -> RoadUser:
-        """Draw the cyclist that is overtaken; every call returns the same one."""
+        """Draw the overtaken cyclist; every call returns the same one."""
         return self._draw("bicycle", "to be overtaken", "passed")
 
     def draw_parked_car(self, number: int) -> RoadUser:
-        """Draw a parked car by its number, from 1 for the one nearest to the actor's path."""
+        """Draw a parked car by its number; 1 is the nearest to the actor's path."""
         return self._draw("car", "to be parked", "parked", number)
 
     def draw_resolver(self, fractions: ResolverFractions) -> Resolver:
@@ -139,7 +139,7 @@ class ParticipantSampler:
 
 @dataclass(frozen=True, eq=False)
 class ConflictCase:
-    """A conflict at a road, from which the places of all participants follow.
+    """A conflict at a road; it determines the places of all participants.
 
     Attributes:
         conflict: The declaration.
@@ -150,9 +150,9 @@ class ConflictCase:
         ego: Blueprint of the ego.
         resolved_by: Who resolves the conflict.
         parameters: The conflict's drawn parameters by name; the name ends with the unit.
-        not_before_s: Time from the scenario's start before which nothing critical happens.
-        least_speed_share: From the density.
-        meets_at_m: Station of the meeting on the ego's path, once its speed there is drawn.
+        not_before_s: Time from the scenario's start to the first permitted critical event.
+        least_speed_share: Lowest speed as a fraction of the highest possible, from the density.
+        meets_at_m: Station of the meeting on the ego's path, once the ego's speed is drawn.
     """
 
     conflict: Conflict
@@ -173,7 +173,7 @@ class ConflictCase:
         return self.parameters["actor_speed_km_h"] / KM_H_PER_M_S
 
     def without(self, name: str) -> "ConflictCase":
-        """Return the case without a parameter that means nothing on its road."""
+        """Return the case without a parameter that does not apply on its road."""
         return replace(
             self, parameters={key: item for key, item in self.parameters.items() if key != name}
         )
@@ -183,7 +183,7 @@ class ConflictCase:
         return replace(self, parameters={**self.parameters, "actor_speed_km_h": speed_km_h})
 
     def redraw_actor_speed(self, at_least_km_h: float, at_most_km_h: float) -> "ConflictCase":
-        """Return the case with a speed of the actor from its declared range between two limits."""
+        """Return the case with an actor speed redrawn between two limits."""
         return self.with_actor_speed(
             self._draw_speed("actor_speed_km_h", at_least_km_h, at_most_km_h)
         )
@@ -191,7 +191,7 @@ class ConflictCase:
     def draw_ego_speed(
         self, station_m: float, at_least_km_h: float, at_most_km_h: float
     ) -> "ConflictCase":
-        """Return the case with a speed of the ego before a station, between two limits."""
+        """Return the case with an ego speed before a station, drawn between two limits."""
         speed_km_h = self._draw_speed("ego_speed_km_h", at_least_km_h, at_most_km_h)
         return replace(
             self,
@@ -212,16 +212,16 @@ class ConflictCase:
 
 @dataclass(frozen=True, eq=False)
 class ActorPlacement:
-    """The start and the path of an actor that meets the ego.
+    """The start and the path of the actor of a conflict.
 
     Attributes:
         station_m: Station of the meeting on the ego's path.
         approach_m: Distance of the actor's start from the meeting.
-        path: Points (n, 2) of a path of its own, or None.
-        route: Streets of a route in lanes, or empty.
-        lane: Lane of its first street.
-        start_m: Distance of its centre from the end of that street.
-        approach_street: Street from which it enters the ego's junction, or None.
+        path: Points (n, 2) of its own path, or None.
+        route: Streets of its route in lanes, or empty.
+        lane: Lane on the first street.
+        start_m: Distance of its centre from the end of the first street.
+        approach_street: Street by which it enters the ego's junction, or None.
         beyond_line_m: Distance of the meeting from the end of that street.
     """
 

@@ -14,10 +14,10 @@ from advercity.conflicts.trajectories import QUINTIC_PEAK_ACCELERATION
 
 MIN_SPEED_RANGE_KM_H = 5.0
 SPEED_ROUNDING_KM_H = 0.01
-"""Declared speeds are in km/h with four digits, those of specs in m/s with three decimals."""
+"""Rounding error: conflicts declare km/h with four digits, specs m/s with three decimals."""
 MAX_SPEED_KM_H = {"pedestrian": 12.0, "bicycle": 40.0}
 MAX_LATERAL_M_S2 = {"drifts": 2.4, "overtakes": 1.5}
-"""Maximum lateral acceleration of leaving the lane; Euro NCAP's lane changes have up to 1.5."""
+"""Maximum lateral acceleration when leaving the lane; Euro NCAP's lane changes reach 1.5."""
 DRIFT_EXTRA_M = 0.7
 """Estimate of an actor's lateral shift beyond its encroachment, up to the edge of its lane."""
 MAX_PATH_GAP_M = 1.0
@@ -25,13 +25,13 @@ MAX_PATH_GAP_M = 1.0
 
 @dataclass(frozen=True)
 class Finding:
-    """A reason why a solved conflict cannot happen.
+    """A reason that rules out a solved conflict.
 
     Attributes:
-        field: Path of the conflict's field that has to change.
-        message: What is wrong.
-        hint: What to do about it.
-        comes_too_soon: Whether it can happen if the ego sets out later.
+        field: Path of the conflict's field to change.
+        message: The error.
+        hint: How to correct it.
+        comes_too_soon: Whether a later start of the ego would make the conflict possible.
     """
 
     field: tuple[str, ...]
@@ -59,7 +59,7 @@ class _Solution:
 def find_infeasibility(
     conflict: Conflict, drive: EgoDrive, density: Density, staged: StagedConflict
 ) -> Finding | None:
-    """Return the first reason why a solved conflict cannot happen; None if it can."""
+    """Return the first reason that rules out a solved conflict; None if it can happen."""
     solution = _Solution(conflict, drive, density, staged)
     checks = (
         _check_ego_speed,
@@ -78,7 +78,7 @@ def find_infeasibility(
 
 
 def compute_first_event_s(timing: Timing) -> float:
-    """Compute the time from the scenario's start before which nothing critical happens."""
+    """Compute the time from the scenario's start to the first permitted critical event."""
     return timing.warm_up_ticks * timing.tick_s + CALM_S
 
 
@@ -87,8 +87,7 @@ def find_crowding(
 ) -> Finding | None:
     """Return why a conflict comes too soon after the start or after another; None if it does not.
 
-    Both parties have to be seen before they meet, and one has to have reacted to an event before
-    the next.
+    The recording shows both parties before they meet, and a reaction ends before the next event.
     """
     meets_s, first_s = compute_meeting_s(staged), compute_first_event_s(timing)
     previous = max(earlier, key=compute_meeting_s, default=None)
@@ -164,7 +163,7 @@ def _check_lateral_acceleration(solution: _Solution) -> Finding | None:
 
 def _check_arrival(solution: _Solution) -> Finding | None:
     actor, expected_s = solution.actor, compute_meeting_s(solution.staged)
-    # Actors on paths of their own may have set out before the scenario begins.
+    # Actors with their own path may set out before the scenario begins.
     if actor.behaviour != "stops_short" or not actor.route:
         return None
     accelerating_s = actor.speed_m_s / (2 * actor.acceleration_m_s2)

@@ -1,4 +1,4 @@
-"""Which actors block a staged conflict, or occupy the same place as another actor."""
+"""Find actors that block a staged conflict, or that overlap another actor."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -12,24 +12,24 @@ from advercity.conflicts.metrics import ActorTrack, Polygons, find_overlaps
 from advercity.frames import Trace
 
 HELD_UP_SPEED_M_S = 1.0
-"""Below this speed an actor counts as held up."""
+"""Speed below which an actor counts as held up."""
 HOLD_UP_RANGE_M = 40.0
-"""Distance from the conflict point within which a blocker matters."""
+"""Maximum distance of a relevant blocker from the conflict point."""
 BLOCKED_LANE_CHANGE_GAP_M = 4.0
-"""An actor nearer than this may keep the ego from a lane change."""
+"""Distance within which an actor may keep the ego from a lane change."""
 HOLD_UP_MARGIN_M = 1.5
-"""An actor nearer than this to where one that is held up drives next may be what holds it up."""
+"""Maximum distance of a blocker from the path ahead of a held-up actor."""
 GIVEN_WAY_RANGE_M = 12.0
-"""Distance within which one gives way to pedestrians that come to a crossing."""
+"""Distance within which a vehicle gives way to pedestrians near a crossing."""
 MIN_CLEARANCE_M = 0.3
-"""Distance that background actors keep from a staged actor."""
+"""Minimum distance of background actors from a staged actor."""
 MIN_HEADWAY_S = 0.8
-"""Headway that vehicles keep behind a staged actor that follows a path, which SUMO cannot see."""
+"""Minimum headway behind a staged actor on its own path, which SUMO cannot see."""
 
 
 @dataclass(frozen=True)
 class Blockage:
-    """An actor in the path or in the place of another; both are ids."""
+    """Two actors, by id: one is in the path or in the place of the other."""
 
     blocker_id: int
     blocked_id: int
@@ -46,7 +46,7 @@ def find_blockages(spec: Spec, trace: Trace) -> Iterator[Blockage]:
     for overlap in find_overlaps(trace):
         if (overlap.first, overlap.second) in colliding:
             continue
-        # Of two, the one from the background is to blame, since only that can be drawn again.
+        # The background actor is the blocker of a pair: only background can be drawn again.
         pair = (overlap.first, overlap.second)
         blocked, blocker = sorted(pair, key=lambda number: (number not in participants, number))
         yield Blockage(blocker, blocked)
@@ -63,7 +63,7 @@ def find_blockages(spec: Spec, trace: Trace) -> Iterator[Blockage]:
 
 
 def find_first_contact(spec: Spec, trace: Trace) -> int | None:
-    """Find the first tick at which the ego touches an actor that it is not to be spared by."""
+    """Find the first tick at which the ego touches an actor that does not yield to it."""
     ego = ActorTrack.from_trace(trace, spec.ego.number)
     contacts: list[int] = []
     for conflict in spec.conflicts:
@@ -78,7 +78,7 @@ def find_first_contact(spec: Spec, trace: Trace) -> int | None:
 def find_blockers(spec: Spec, trace: Trace, number: int) -> Iterator[int]:
     """Find ids of background actors that keep an actor from conflict points, or delay it.
 
-    Where nothing is ahead of one that waits, it may give way to pedestrians.
+    If nothing is ahead of a waiting actor, it may give way to pedestrians.
     """
     track = ActorTrack.from_trace(trace, number)
     background = _select_background(spec, trace)
@@ -121,18 +121,18 @@ def _select_background(spec: Spec, trace: Trace) -> list[ActorTrack]:
 def _find_hold_up_area(
     track: ActorTrack, point: tuple[float, float]
 ) -> tuple[NDArray[np.intp], shapely.Geometry]:
-    """Find rows (n,) at which an actor may be held up, and the area in which a blocker then is.
+    """Find rows (n,) at which an actor may be held up, and the area of possible blockers.
 
-    The area is ahead of one that waits, or around one that should have changed lanes.
+    The area is ahead of a waiting actor, or around an actor that missed a lane change.
     """
     gaps = np.linalg.norm(track.centres - point, axis=1)
     last = int(np.flatnonzero(gaps < gaps.min() + HOLD_UP_MARGIN_M)[-1])
-    # One that is held up farther away never comes near the point.
+    # If the actor is held up farther away, it never comes near the point.
     nearest_m = gaps.min() if gaps.min() > HOLD_UP_RANGE_M else 0.0
     approach = np.flatnonzero(gaps[:last] < nearest_m + HOLD_UP_RANGE_M)
     waits = approach[track.rows["speed"][approach] < HELD_UP_SPEED_M_S]
     if len(waits) > 0:
-        # One that never gets there has no outlines up to the point: the line replaces them.
+        # The actor may never reach the point: a line replaces its missing outlines.
         onward = shapely.LineString([track.centres[waits[0]], point])
         driven = track.boxes[waits[0] : last + 1]
         return waits, shapely.union_all([*driven, onward]).buffer(HOLD_UP_MARGIN_M)
@@ -141,12 +141,12 @@ def _find_hold_up_area(
 
 
 def _is_too_near(track: ActorTrack, other: ActorTrack, headway_s: float) -> bool:
-    """Return whether another actor comes too near, its outline extended by its headway."""
+    """Return whether another actor comes too near; the headway extends its outline."""
     ticks = np.intersect1d(track.rows["tick"], other.rows["tick"])
     if len(ticks) == 0:
         return False
     own_now, other_now = track.at_ticks(ticks), other.at_ticks(ticks)
-    # Circles first: building outlines of all ticks for all pairs would take most of the time.
+    # Circles first: outlines of all ticks for all pairs would take most of the time.
     radii = (np.linalg.norm(own_now.size) + np.linalg.norm(other_now.size)) / 2
     gaps = np.linalg.norm(own_now.centres - other_now.centres, axis=1)
     close = gaps <= radii + MIN_CLEARANCE_M + headway_s * other_now.rows["speed"]
@@ -159,7 +159,7 @@ def _is_too_near(track: ActorTrack, other: ActorTrack, headway_s: float) -> bool
 
 
 def _extend_by_headway(track: ActorTrack, headway_s: float) -> Polygons:
-    """Extend outlines (n,) by the ground that is driven over within the headway."""
+    """Extend outlines (n,) by the ground covered within the headway."""
     ahead: NDArray[np.float64] = headway_s * track.rows["speed"]
     moved = track.rows.copy()
     moved["x"] += ahead * np.cos(moved["yaw"])

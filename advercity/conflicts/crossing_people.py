@@ -1,4 +1,4 @@
-"""How many people set foot on a roadway: those who cross, and whom vehicles yield to."""
+"""Count the pedestrians who set foot on a roadway; vehicles yield to some of them."""
 
 import numpy as np
 import shapely
@@ -10,7 +10,7 @@ from advercity.roads.road_network import build_road
 
 
 def find_roadway(spec: Spec) -> BaseGeometry:
-    """Find the part of a road in the plan frame that vehicles drive on."""
+    """Find the roadway of a road, in the plan frame."""
     roadway = build_road(spec.road).roadway_level_area
     shapely.prepare(roadway)
     return roadway

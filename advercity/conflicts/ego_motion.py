@@ -1,6 +1,6 @@
-"""Predict how the ego drives: its route, its speed with lights and bends, but without traffic.
+"""Predict the ego's drive: its route and its speed with lights and bends, without traffic.
 
-Specs are solved on this prediction; SUMO drives the ego later, limited by `speed_profile`.
+Specs are solved on this prediction; at run time SUMO drives the ego, limited by `speed_profile`.
 """
 
 from collections.abc import Iterable
@@ -56,14 +56,14 @@ class NominalMotion:
 
 
 TEST_CLOCK_S = 4.0
-"""Time before the ego's arrival in which its speed counts, as in Euro NCAP's tests."""
+"""Time before the ego's arrival over which its speed counts, as in Euro NCAP's tests."""
 SETTLING_S = 1.0
-"""Time before that at which it has that speed, and after its arrival until which it keeps it."""
+"""Time for which it keeps that speed, before those seconds and after its arrival."""
 
 
 @dataclass(frozen=True)
 class SpeedZone:
-    """A part of the ego's drive, measured from its spawn, in which a conflict limits its speed."""
+    """A part of the ego's drive with a conflict's speed limit; distances count from its spawn."""
 
     from_m: float
     to_m: float
@@ -71,7 +71,7 @@ class SpeedZone:
 
 
 def build_speed_zone(station_m: float, speed_m_s: float) -> SpeedZone:
-    """Build the zone around a conflict point in which the ego drives no faster than is drawn."""
+    """Build the zone around a conflict point that limits the ego to the drawn speed."""
     settling_m = speed_m_s * SETTLING_S
     before_m = speed_m_s * TEST_CLOCK_S + settling_m
     return SpeedZone(station_m - before_m, station_m + settling_m, speed_m_s)
@@ -119,9 +119,9 @@ def compute_free_drive_s(
     first_m_s: float,
     top_m_s: float,
 ) -> float:
-    """Compute how long the ego takes from one station of a path to another if nothing hinders it.
+    """Compute the time of the ego between two stations of a path without hindrance.
 
-    It has the speed `first_m_s` at first, and drives no faster than `top_m_s`.
+    It starts at `first_m_s` and drives no faster than `top_m_s`.
     """
     stations = np.arange(begin_m, end_m + NOMINAL_STEP_M, NOMINAL_STEP_M)
     limit = np.minimum(_compute_speed_limit(ego, path, stations), top_m_s)
@@ -164,7 +164,7 @@ def _integrate_times(
 
 
 DESTINATION_MARGIN_M = 10.0
-"""Distance before the destination up to which the ego may meet an actor."""
+"""Minimum distance of a meeting from the destination."""
 CROSSING_OFFSET_M = 2.1
 """Distance from the centre of a crossing to the end of its street, inside the junction."""
 
@@ -179,7 +179,7 @@ class EgoDrive:
         route: Streets of the ego.
         path: Path of the ego.
         start_m: Station of its spawn on its path.
-        end_m: Station beyond which it meets no actor.
+        end_m: Last station for a meeting.
         motion: Its motion from the scenario's start.
         zones: Where conflicts limit its speed.
     """

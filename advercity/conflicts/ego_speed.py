@@ -1,4 +1,4 @@
-"""Draw the speed at which the ego meets an actor, from what road and reaction leave of it."""
+"""Draw the speed at which the ego meets an actor, within the limits of road and reaction."""
 
 import math
 from dataclasses import replace
@@ -12,19 +12,19 @@ from advercity.conflicts.trajectories import find_stop_station
 from advercity.geometry.polyline import StationedPolyline
 
 AROUND_CROSSING_M = 20.0
-"""Length of the ego's path before the crossing, and of the actor's around it, that count."""
+"""Length of the ego's path before the crossing, and of the actor's around it, to consider."""
 BRAKING_DELAY_S = 0.75 * ONSET_S
-"""How much earlier than with full deceleration at once the ego begins to brake."""
+"""Extra lead time of braking whose deceleration builds up instead of starting at once."""
 
 
 def fit_ego_speed(case: ConflictCase, place: ActorPlacement) -> ConflictCase:
-    """Draw the speed of the ego from what the road leaves of its range.
+    """Draw the speed of the ego within its range and the limits of the road.
 
-    Where the ego brakes for an actor, it is fast enough to do so within the declared time to
-    collision. Where the road leaves no such speed, the actor resolves the conflict.
+    An ego that brakes for the actor is fast enough to do so within the declared time to
+    collision. If no such speed is possible, the actor resolves the conflict.
 
     Raises:
-        UnsolvableError: The actor may not.
+        UnsolvableError: The conflict does not let the actor resolve it.
     """
     _, high_km_h = compute_bounds(case.conflict.parameters.ego_speed_km_h.draw)
     free_km_h = case.drive.motion.find_top_speed_m_s(place.station_m) * KM_H_PER_M_S
@@ -45,9 +45,9 @@ def fit_ego_speed(case: ConflictCase, place: ActorPlacement) -> ConflictCase:
 def compute_lowest_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
     """Compute the lowest speed from which the ego brakes within the declared time to collision.
 
-    The ego stops `d` before the crossing, so that with the speed v and the deceleration b it
-    begins to brake `v / 2b + d / v` before it would be there, when the actor is. Infinity if no
-    speed will do, 0 where the ego does not brake for the actor.
+    The ego stops `d` before the crossing, so at the speed v and the deceleration b it begins to
+    brake `v / 2b + d / v` before its undisturbed arrival. Returns infinity if no speed will do,
+    0 if the ego does not brake for the actor.
     """
     braking_m_s2 = case.parameters.get("ego_braking_m_s2")
     brakes = case.resolved_by in ("ego", "both") and case.conflict.actor.behaviour == "stops_short"

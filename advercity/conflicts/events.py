@@ -1,4 +1,4 @@
-"""The moments of staged conflicts, for a viewer."""
+"""Find the moments of staged conflicts, for a viewer."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ class ConflictEvent:
 
     Attributes:
         frame: Kept tick at which it happens.
-        text: What happens, for people.
+        text: Description, for people.
         point_m: Conflict point on the ground.
         is_failure: Whether the conflict did not happen as declared.
     """
@@ -31,7 +31,7 @@ def find_conflict_events(spec: Spec, trace: Trace) -> tuple[ConflictEvent, ...]:
     """Find the moments of all staged conflicts of a spec, by frame.
 
     Raises:
-        RunError: An actor that takes part is not in the trace.
+        RunError: A participant is not in the trace.
     """
     outcomes = zip(spec.conflicts, evaluate_outcomes(spec, trace), strict=True)
     events = (

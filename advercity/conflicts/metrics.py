@@ -1,7 +1,7 @@
-"""How near actors come to each other: distance, time to collision, post-encroachment time.
+"""Measure how near actors come: distance, time to collision, post-encroachment time.
 
-All of it is measured on a trace, on outlines on the ground, between actors that are about equally
-high: those above and below a bridge never meet.
+All metrics use a trace's outlines on the ground, between actors at about the same height: actors
+above and below a bridge never meet.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ PREDICTION_STEP_S = 0.1
 LEVEL_GAP_M = 2.5
 """Difference of heights from which one of two actors is above the other; decks are 4 m higher."""
 CHORD_M = 2.0
-"""Length of the chords that give the heading of a path."""
+"""Length of the chords from which the heading of a path is computed."""
 
 Polygons = NDArray[Any]
 """Shapely polygons (n,)."""
@@ -47,8 +47,8 @@ class Encounter:
         distance_m: Minimum distance between their outlines, 0 if they touch.
         time_to_collision_s: Minimum time until their outlines would touch if both kept their
             velocity (Hayward, 1972); None if they never would.
-        time_to_collision_on_way_s: The same if both kept their speed along their paths,
-            so that oncoming traffic in the other lane of a bend does not count; None beyond
+        time_to_collision_on_way_s: The same if both kept their speed along their paths, which
+            excludes oncoming traffic in the other lane of a bend; None beyond
             `PREDICTION_HORIZON_S`.
         post_encroachment_s: Minimum time between one leaving a place and the other entering it
             (Allen, Shin and Cooper, 1978); None if their paths share no place.
@@ -109,7 +109,7 @@ class ActorTrack:
         return float(np.interp(station_m, driven.stations_m, self.rows["tick"]))
 
     def extrapolate(self, ticks: NDArray[np.int32], after_s: NDArray[np.float64]) -> "ActorTrack":
-        """Predict the track after times (k,) from ticks (m,) on, on its path at the speed then.
+        """Predict the track from ticks (m,) over times (k,), on its path at each tick's speed.
 
         Beyond the last row the actor goes straight on. All k rows of a tick are together.
         """
@@ -144,7 +144,7 @@ class ActorTrack:
         return np.column_stack([self.rows["x"], self.rows["y"]])
 
     def is_level_with(self, other: "ActorTrack") -> NDArray[np.bool_]:
-        """Return whether (n,) neither is above the other, of tracks with as many rows (n,)."""
+        """Return whether (n,) two tracks of equal length are at the same height."""
         return np.abs(self.rows["z"] - other.rows["z"]) < LEVEL_GAP_M
 
     @property
@@ -200,7 +200,7 @@ def measure_encounter(
 
 
 def compute_time_to_collision(own: ActorTrack, other: ActorTrack) -> NDArray[np.float64]:
-    """Compute the seconds until the outlines of two tracks touch if both keep their velocities.
+    """Compute the seconds until the outlines of two tracks touch at their current velocities.
 
     Both have rows (n,) at the same ticks. The result (n,) is 0 while they touch, infinity if they
     never do.
@@ -274,7 +274,7 @@ def compute_path_time_to_collision(
 
 
 def _can_meet(own: ActorTrack, other: ActorTrack) -> NDArray[np.bool_]:
-    """Return whether (n,) two actors are near enough to meet in time on whatever paths."""
+    """Return whether (n,) two actors are near enough to meet in time on any paths."""
     gaps = np.linalg.norm(own.centres - other.centres, axis=1)
     radii = np.linalg.norm(own.size) / 2 + np.linalg.norm(other.size) / 2
     return gaps - radii <= PREDICTION_HORIZON_S * (own.rows["speed"] + other.rows["speed"])

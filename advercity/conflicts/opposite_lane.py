@@ -1,4 +1,4 @@
-"""Where an actor in the opposite lane meets the ego: one that drifts, or overtakes a cyclist.
+"""Place an actor in the opposite lane that drifts into the ego's, or overtakes a cyclist.
 
 Stations are metres on the ego's path.
 """
@@ -21,13 +21,13 @@ from advercity.roads.routes import RoutePath
 MEETING_FRACTIONS = (0.25, 0.62)
 """Fractions of the ego's drive between which it meets an oncoming actor."""
 APPROACH_S = 4.0
-"""Time before the meeting in which the actor's speed counts."""
+"""Time before the meeting over which the actor's speed counts."""
 STREET_END_MARGIN_M = 8.0
 """Minimum distance of a start from either end of a street."""
 
 
 def place_opposite(case: ConflictCase, station_m: float) -> ActorPlacement:
-    """Place an actor in the opposite lane so that it meets the ego at a station."""
+    """Place an actor in the opposite lane; it meets the ego at a station."""
     run_m = compute_run_m(case, station_m)
     if case.conflict.actor.behaviour == "overtakes":
         run_m = min(run_m, _compute_free_run_m(case, station_m))
@@ -39,9 +39,9 @@ def place_opposite(case: ConflictCase, station_m: float) -> ActorPlacement:
 
 
 def compute_drift_limit_m_s(case: ConflictCase, station_m: float) -> float:
-    """Compute the highest speed of an actor that drifts: the ego's own, and slower in bends.
+    """Compute the highest speed of a drifting actor: the ego's top speed, and less in bends.
 
-    It comes to the station from ahead of the ego.
+    The actor comes to the station from ahead of the ego.
     """
     top_m_s, path = case.drive.road.ego.max_speed_km_h / KM_H_PER_M_S, case.drive.path.line
     ahead_m = min(station_m + top_m_s * APPROACH_S, path.length_m)
@@ -50,7 +50,7 @@ def compute_drift_limit_m_s(case: ConflictCase, station_m: float) -> float:
 
 
 def place_oncoming(drive: EgoDrive, station_m: float, run_m: float) -> ActorPlacement:
-    """Place an actor that drives against the ego, `run_m` before a station on the ego's path."""
+    """Place an actor driving against the ego, `run_m` before a station on the ego's path."""
     route, back = _build_oncoming_path(drive)
     meeting_m = back.find_nearest_station(drive.path.point_at(station_m))
     start_m = max(meeting_m - run_m, STREET_END_MARGIN_M)
@@ -73,7 +73,7 @@ def _build_oncoming_path(drive: EgoDrive) -> tuple[tuple[str, ...], RoutePath]:
 
 
 def _compute_free_run_m(case: ConflictCase, station_m: float) -> float:
-    """Compute how far an actor can run before a connected vehicle meets the cyclist."""
+    """Compute the actor's longest run, from ahead of connected vehicles behind the cyclist."""
     _, back = _build_oncoming_path(case.drive)
     meeting_m = back.find_nearest_station(case.drive.path.point_at(station_m))
     cyclist_m = meeting_m - place_passed_cyclist(case, station_m).approach_m
@@ -81,12 +81,12 @@ def _compute_free_run_m(case: ConflictCase, station_m: float) -> float:
 
 
 def find_straightest_station(case: ConflictCase) -> float:
-    """Find the station near the middle of the ego's drive where an actor comes straight at it.
+    """Find the straightest station near the middle of the ego's drive.
 
-    On a bend, velocity alone could not distinguish a drift from following the lane.
+    On a bend, velocity alone cannot tell a drift from following the lane.
 
     Raises:
-        UnsolvableError: The ego has passed the middle before anything critical may happen.
+        UnsolvableError: The ego passes the middle before the first permitted critical event.
     """
     drive, earliest_s = case.drive, case.not_before_s + DRIFT_HOLD_S + _compute_return_s(case)
     candidates = drive.start_m + np.linspace(*MEETING_FRACTIONS, 41) * (drive.end_m - drive.start_m)
@@ -100,12 +100,12 @@ def find_straightest_station(case: ConflictCase) -> float:
         np.ptp(np.unwrap(drive.path.headings_at(np.arange(at - 5.0, at + 32.0, 4.0))))
         for at in stations
     ]
-    # Rounded, so that of nearly equal places the first one is taken on every machine.
+    # Rounded, so every machine picks the first of nearly equal places.
     return stations[int(np.argmin(np.round(turns, 2)))]
 
 
 def _find_next_street(drive: EgoDrive, street: str) -> tuple[str, ...]:
-    """Find where traffic against the ego goes from the ego's first street; none at the edge."""
+    """Find the next street for traffic against the ego after its first; none at the edge."""
     along = drive.planner.is_along_axis(drive.route, 0)
     layout = drive.planner.streets[street]
     junction = layout.begins if along else layout.ends
@@ -116,15 +116,15 @@ def _find_next_street(drive: EgoDrive, street: str) -> tuple[str, ...]:
 
 
 CYCLIST_WAITING_MARGIN_S = 1.0
-"""Time that the cyclist can wait at its start and still be in time."""
+"""Time for which the cyclist can wait at its start and still arrive in time."""
 CYCLIST_STEADY_S = 1.0
-"""Time for which it has its speed at least before the actor leaves its lane."""
+"""Minimum time at steady speed before the actor leaves its lane."""
 CYCLIST_LIMITS_M_S2 = (1.0, 2.0)
 """Acceleration and braking of the cyclist."""
 
 
 def find_overtaking_station(case: ConflictCase) -> float:
-    """Find the ego's first station at which the actor can have overtaken a cyclist at its speed.
+    """Find the ego's first station by which the actor can have overtaken a cyclist at speed.
 
     Raises:
         UnsolvableError: A junction is too near everywhere for the cyclist to gain its speed.
@@ -141,7 +141,7 @@ def find_overtaking_station(case: ConflictCase) -> float:
 
 
 def place_passed_cyclist(case: ConflictCase, station_m: float) -> ActorPlacement:
-    """Place the cyclist that the actor has just passed when it begins to return to its lane."""
+    """Place the cyclist; the actor has just passed it when it begins to return to its lane."""
     speed = compute_cyclist_speed_m_s(case)
     rides_s = case.drive.motion.time_at(station_m) - _compute_return_s(case)
     rides_s -= CYCLIST_WAITING_MARGIN_S
@@ -158,19 +158,19 @@ def _compute_passed_before_m(case: ConflictCase) -> float:
 
 
 def _compute_cyclist_run_up_m(case: ConflictCase) -> float:
-    """Compute how far the cyclist rides at least until the actor begins to return."""
+    """Compute the minimum distance the cyclist rides before the actor begins to return."""
     speed = compute_cyclist_speed_m_s(case)
     steady_s = CYCLIST_STEADY_S + case.parameters["drift_time_s"] + _compute_passing_s(case)
     return speed * (steady_s + speed / (2 * CYCLIST_LIMITS_M_S2[0]))
 
 
 def compute_cyclist_speed_m_s(case: ConflictCase) -> float:
-    """Compute the speed of the cyclist that is overtaken."""
+    """Compute the speed of the overtaken cyclist."""
     return case.parameters["passed_speed_km_h"] / KM_H_PER_M_S
 
 
 def _compute_return_s(case: ConflictCase) -> float:
-    """Compute the time from the begin of the actor's return to its passing of the ego."""
+    """Compute the time from the start of the actor's return to its passing of the ego."""
     return case.parameters["return_time_s"] + DRIFT_RETURN_MARGIN_S
 
 

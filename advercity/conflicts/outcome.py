@@ -1,4 +1,4 @@
-"""What came of staged conflicts, measured on a trace alone."""
+"""Evaluate staged conflicts on a trace alone."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -34,31 +34,31 @@ from advercity.roads.plan_frame import to_plan_spec
 from advercity.roads.routes import RoutePlanner, build_ego_path
 
 ADJACENT_LANE_GAP_M = 6.0
-"""An actor that passes a point within this distance passes it in an adjacent lane."""
+"""Distance from a point within which an actor passes it in an adjacent lane."""
 AFTER_IMPACT_S = 3.0
-"""Time for which both are followed on from an impact, to where their paths would have crossed."""
+"""Time for which both tracks continue after an impact, to where their paths would have crossed."""
 LEAST_COSINE = 0.1
-"""Of the angle between an actor and the ego's lane: one across it is never level with a point."""
+"""Lower bound for the cosine of the angle between an actor and the ego's lane, against 1 / 0."""
 STEADY_SPEED_RATIO = 0.99
 """Fraction of the approach speed below which an actor has begun to brake."""
 
 
 @dataclass(frozen=True)
 class ConflictOutcome:
-    """What came of a staged conflict; its fields are those of `report.json`.
+    """Outcome of a staged conflict, with the fields of `report.json`.
 
     Attributes:
         id: Id of the staged conflict.
         conflict: Id of its declaration.
-        crash_types: NHTSA's types that it stages.
-        actor: Id of the actor that the ego met.
+        crash_types: NHTSA crash types of the conflict.
+        actor: Id of the actor.
         ego_at_s: Time from the first kept tick at which the ego's centre was nearest to the
-            crossing of both paths, or would have been had it not braked.
+            crossing of both paths, or would have been without braking.
         actor_lag_s: How much later the actor would have been there at the speed of its approach.
         met: How near they came to each other.
         resolution: Who braked, or the impact.
-        parameters: Declared parameters that the trace shows.
-        missed: What did not happen as declared; empty if the conflict happened.
+        parameters: Declared parameters measured on the trace.
+        missed: Deviations from the declaration; empty if the conflict happened.
     """
 
     id: str
@@ -79,12 +79,12 @@ class ConflictOutcome:
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What did not happen as declared, with the conflict's name."""
+        """Deviations from the declaration, with the conflict's name."""
         return tuple(f"{self.id} ({self.conflict}): {reason}" for reason in self.missed)
 
     @property
     def outside(self) -> tuple[str, ...]:
-        """Names of the parameters that are outside their declared range."""
+        """Names of the parameters outside their declared range."""
         return tuple(item.name for item in self.parameters if item.is_outside)
 
 
@@ -92,7 +92,7 @@ def evaluate_outcomes(spec: Spec, trace: Trace) -> Iterator[ConflictOutcome]:
     """Evaluate every staged conflict of a spec.
 
     Raises:
-        RunError: An actor that takes part is not in the trace.
+        RunError: A participant is not in the trace.
     """
     if spec.road.is_left_hand:
         spec, trace = to_plan_spec(spec), mirror_trace(trace)
@@ -167,9 +167,9 @@ def _build_actor_path(spec: Spec, conflict: StagedConflict) -> StationedPolyline
 def _measure_since_red_s(
     spec: Spec, conflict: StagedConflict, actor: ActorTrack, trace: Trace
 ) -> float:
-    """Measure how long the light that an actor runs is red when its front is at the line.
+    """Measure how long the actor's light has been red when its front is at the line.
 
-    Negative before red; infinite if no light is declared to be run, or none is red.
+    Negative before red; infinite if the conflict declares no light, or it is never red.
     """
     if conflict.light is None:
         return float("inf")
@@ -184,7 +184,7 @@ def _measure_since_red_s(
 
 
 def _find_line(spec: Spec, conflict: StagedConflict) -> NDArray[np.float64]:
-    """Find the end (2,) of the street from which an actor enters the junction."""
+    """Find the end (2,) of the street by which an actor enters the junction."""
     actor = conflict.actors[0]
     if not actor.route:
         return np.array(actor.path_m[1])
@@ -211,7 +211,7 @@ def _find_deviations(
         limit = f"{outcome.time_to_collision_below_s:g} s"
         yield f"time to collision {_format_metric(collision)} is not below {limit}"
     gap = encounter.post_encroachment_s
-    # Where both stop, the ego may arrive before the actor goes on.
+    # If both stop, the ego may arrive before the actor goes on.
     may_lack_gap = collides or (gap is None and conflict.resolved_by == "both")
     if outcome.post_encroachment_s is not None and not may_lack_gap:
         low, high = outcome.post_encroachment_s
@@ -227,7 +227,7 @@ def _format_metric(metric: MetricAtTick | None) -> str:
 def _find_meeting_point(
     conflict: StagedConflict, ego: ActorTrack, actor_path: shapely.LineString
 ) -> NDArray[np.float64]:
-    """Find where (2,) the ego crosses the path of an actor; the declared point if it does not."""
+    """Find where (2,) the ego crosses the actor's path; the declared point if it does not."""
     point = None
     if conflict.outcome.keeping == "way":
         point = find_crossing(actor_path, ego, conflict.point_m)
@@ -256,9 +256,9 @@ def _find_actor_arrival_s(
 def _find_arrival(
     conflict: StagedConflict, ego: ActorTrack, actor: ActorTrack, point_m: NDArray[np.float64]
 ) -> tuple[int, float]:
-    """Find the row in which an actor is nearest to a point, and how far before it in metres.
+    """Find the row in which an actor is nearest to a point, and its distance before it in metres.
 
-    One that passes in an adjacent lane arrives when it is level with the point.
+    An actor in an adjacent lane arrives when it is level with the point.
     """
     gaps = point_m - actor.centres
     near = np.linalg.norm(gaps, axis=1) < ADJACENT_LANE_GAP_M
@@ -282,8 +282,8 @@ def _find_ego_arrival_s(
 ) -> float:
     """Find when the ego is at a point, or would be had it not braked for the actor.
 
-    SUMO's speeds are those of its front axle, which turns on a wider curve than its centre, so the
-    path that is left is the axle's; its lane where it steers aside.
+    SUMO's speeds apply to the front axle, which turns on a wider curve than the centre. So the
+    remaining path is the axle's; the lane if the ego steers aside.
     """
     place = spec.ego.place
     last = find_undisturbed_row(encounter, ego, tick_s)
@@ -307,7 +307,7 @@ def _find_ego_arrival_s(
 
 
 def _find_steady_row(actor: ActorTrack, ego_at_s: float, tick_s: float) -> int | None:
-    """Find the last row of an actor's approach before it brakes; None if it has not come yet."""
+    """Find the last row of an actor's approach before it brakes; None if it has not arrived."""
     approach = select_before(actor, ego_at_s, APPROACH_WINDOW_S, tick_s)
     if len(approach) == 0:
         return None

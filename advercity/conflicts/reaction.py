@@ -1,8 +1,8 @@
-"""How the ego reacts to a staged actor: when it perceives it, how it brakes, when it drives on.
+"""Plan the ego's reaction to a staged actor: when it perceives it, brakes, and drives on.
 
-Like the actor, it brakes as late as its deceleration permits on a dry road. It brakes later where
-it sees the actor too late for that, and no harder than the friction permits. It brakes and steers
-aside for an actor that drifts into its lane.
+Like the actor, the ego brakes as late as its deceleration permits on a dry road, later if it sees
+the actor too late, and no harder than the friction permits. For an actor that drifts into its
+lane it brakes and steers aside.
 """
 
 from dataclasses import dataclass, field
@@ -32,34 +32,34 @@ from advercity.physics.constants import GRAVITY_M_S2
 from advercity.physics.stopping import REACTION_TIME_S
 
 LEAST_BRAKING_S = 1.0
-"""Time for which the ego brakes at least, though the actor may stop sooner."""
+"""Minimum time for which the ego brakes, even if the actor stops sooner."""
 RESTART_M_S2 = 2.0
-"""Acceleration with which the ego is expected to drive on."""
+"""Expected acceleration of the ego when it drives on."""
 COMMANDED_AROUND_S = 3.0
-"""Time before and after the meeting for which an ego that does not react is commanded."""
+"""Time before and after the meeting for which an ego without reaction is commanded."""
 OPAQUE_CLASSES = ("car", "van", "truck")
 """Classes of actors that hide others."""
 STANDSTILL_M_S = 0.05
 PASSING_GAP_M = 0.4
-"""Distance at which the ego passes an actor that drifts into its lane."""
+"""Distance at which the ego passes an actor drifting into its lane."""
 MIN_SHIFT_M = 0.4
-"""Least distance by which a driver moves aside for a vehicle that comes over the centre line."""
+"""Minimum distance by which a driver moves aside for a vehicle over the centre line."""
 STEERING_TIME_S = 2.0
-"""Time that the ego takes to move aside if it has it, and to return to its lane."""
+"""Time of the ego to move aside, if there is as much, and to return to its lane."""
 BRAKING_SHARE = 0.7
-"""Greatest fraction of the grip that a driver who steers brakes with."""
+"""Maximum fraction of the grip for braking while steering."""
 HOLD_ASIDE_S = 0.8
-"""Time after the passing for which it stays aside."""
+"""Time for which the ego stays aside after the passing."""
 
 
 @dataclass(frozen=True, eq=False)
 class EgoReaction:
-    """What the ego does about a staged actor.
+    """The ego's reaction to a staged actor.
 
     Attributes:
         speed_commands_m_s: Speed (ticks,) of the ego; NaN leaves it to SUMO's driver.
-        crossing: Where and when it would have met an actor that it brakes for.
-        offsets_m: Offsets (ticks,) to the left of its lane; empty for one that brakes.
+        crossing: Where and when it would have met the actor it brakes for.
+        offsets_m: Offsets (ticks,) to the left of its lane; empty if it only brakes.
         hidden_by: Ids of actors that hid the other until it was too late to brake.
     """
 
@@ -70,7 +70,7 @@ class EgoReaction:
 
 
 class HeldUpActorError(StagingError):
-    """Other traffic keeps an actor that the ego is to brake for from its path."""
+    """Other traffic keeps the actor from the path of the ego, which is to brake for it."""
 
 
 def needs_reaction(conflict: StagedConflict) -> bool:
@@ -79,9 +79,9 @@ def needs_reaction(conflict: StagedConflict) -> bool:
 
 
 def needs_plan(conflict: StagedConflict) -> bool:
-    """Return whether what the ego does in a conflict is planned: its reaction, or that it has none.
+    """Return whether a conflict needs a plan for the ego: its reaction, or to drive on.
 
-    SUMO's driver would give way to an actor in lanes.
+    Without a plan, SUMO's driver gives way to an actor in lanes.
     """
     actor = conflict.actors[0]
     collides = conflict.resolved_by == "nobody" and actor.behaviour == "stops_short"
@@ -100,8 +100,8 @@ def plan_reaction(
         crossing: Where and when their paths cross in it; None if they run side by side.
 
     Raises:
-        HeldUpActorError: An actor that the ego is to brake for does not reach its path.
-        RunError: The spec lacks what the ego reacts with, or paths do not cross.
+        HeldUpActorError: The actor does not reach the path of the ego, which is to brake for it.
+        RunError: The spec lacks `reaction`, or the paths do not cross.
     """
     if conflict.resolved_by == "nobody":
         return _plan_driving_on(spec, trace, crossing)
@@ -113,7 +113,7 @@ def plan_reaction(
 
 
 def _plan_driving_on(spec: Spec, trace: Trace, crossing: PathCrossing | None) -> EgoReaction:
-    """Have the ego drive as it did when the actor gave way to it."""
+    """Have the ego drive as in the run in which the actor gave way to it."""
     _, rows = trace.get_track(spec.ego.number)
     times_s = rows["tick"] * trace.tick_s - (crossing.ego_s if crossing else np.inf)
     kept = (times_s > -COMMANDED_AROUND_S) & (times_s < COMMANDED_AROUND_S)
@@ -204,7 +204,7 @@ def _plan_braking(
         go_s -= np.sqrt(2 * (meeting.enter_m - meeting.stop_m) / RESTART_M_S2)
     else:
         go_s = _find_halt_s(actor, first_s, crossing.clear_s, trace.tick_s)
-    # Not even the friction of the tyres would do, or the actor has stopped by then.
+    # The friction of the tyres does not suffice, or the actor has stopped by then.
     hardest = np.nanmin(np.diff(speeds)) < -(hardest_m_s2 - 0.01) * trace.tick_s
     is_late = bool(hardest) or go_s <= first_s + trace.tick_s
     go_s = max(go_s, first_s + LEAST_BRAKING_S)
@@ -224,12 +224,12 @@ def find_perception(
     *,
     until_s: float,
 ) -> tuple[float, frozenset[int]]:
-    """Find from when on the ego sees an actor until a time: near enough, and not behind a vehicle.
+    """Find the time from which the ego sees an actor: near enough, and not behind a vehicle.
 
-    The line of sight runs from centre to centre in the plane.
+    The line of sight runs from centre to centre in the plane. Only times to `until_s` count.
 
     Returns:
-        The time, and the ids of actors that are in the line of sight just before.
+        The time, and the ids of actors in the line of sight just before.
     """
     ticks = np.intersect1d(ego.rows["tick"], actor.rows["tick"])
     ticks = ticks[ticks * trace.tick_s <= until_s]
@@ -265,14 +265,14 @@ def compute_braking_speeds(
     earliest_s: float,
     tick_s: float,
 ) -> NDArray[np.float64]:
-    """Compute speeds (ticks,) of an ego that stops at a station; NaN before it brakes.
+    """Compute speeds (ticks,) of an ego stopping at a station; NaN before it brakes.
 
     Args:
         ego: Its track without braking; stations count from its first row.
         stop_m: Station at which its centre is to stop.
-        braking_m_s2: Deceleration that it means to stop with.
-        hardest_m_s2: Maximum deceleration that its tyres permit.
-        earliest_s: Time before which it does not react.
+        braking_m_s2: Intended deceleration.
+        hardest_m_s2: Maximum deceleration of its tyres.
+        earliest_s: Time of the earliest reaction.
         tick_s: Time between ticks.
     """
     speeds = ego.rows["speed"].copy()

@@ -1,4 +1,4 @@
-"""What a scenario's traffic amounts to, and the table of many scenarios."""
+"""Report a scenario's traffic, and tabulate many scenarios."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -31,7 +31,7 @@ class DrivingExtremes:
 
 @dataclass(frozen=True)
 class TrafficReport:
-    """What a scenario's traffic amounts to; its fields are those of `report.json`.
+    """Measures of a scenario's traffic, with the fields of `report.json`.
 
     Attributes:
         spec: Id of the spec.
@@ -40,12 +40,12 @@ class TrafficReport:
         duration_s: Their duration.
         actors: Number of actors by class; an articulated lorry is one truck.
         driving: Extremes of the vehicles' driving.
-        staged: What came of the staged conflicts, in their order.
-        met: The ego's encounters with all actors that come near it, the nearest first; tractor
-            units and semi-trailers have their own.
+        staged: Outcomes of the staged conflicts, in their order.
+        met: The ego's encounters with all actors near it, the nearest first; tractor units and
+            semi-trailers have their own.
         crossing_share: Fraction of the background pedestrians who set foot on a roadway; None
             without any.
-        overlaps: Actors in one place, tick by tick; there should be none but those of collisions.
+        overlaps: Actors in one place, tick by tick; only collisions should have any.
         is_recorded: Whether actors follow recorded trajectories, which may have collisions.
     """
 
@@ -106,7 +106,7 @@ def build_traffic_report(spec: Spec, trace: Trace, trace_sha256: str) -> Traffic
     """Measure a spec's traffic.
 
     Raises:
-        RunError: An actor that takes part in a staged conflict is not in the trace.
+        RunError: A participant of a staged conflict is not in the trace.
     """
     encounters = (
         measure_encounter(trace, spec.ego.number, actor.id, within_m=ENCOUNTER_RANGE_M)
@@ -147,7 +147,7 @@ def _compute_driving_extremes(trace: Trace) -> DrivingExtremes:
 
 
 def build_table_rows(reports: Iterable[TrafficReport]) -> list[dict[str, object]]:
-    """Build a table row per staged conflict, or one for a scenario that stages none."""
+    """Build a table row per staged conflict, or one for a scenario without any."""
     return [
         {
             "scenario": report.spec,
@@ -178,11 +178,11 @@ def format_markdown_table(reports: Sequence[TrafficReport]) -> str:
 
 
 HARD_BRAKING_M_S2 = 3.0
-"""Deceleration above which an ego counts as one that has to brake hard."""
+"""Deceleration above which an ego counts as braking hard."""
 
 
 def _count_outcomes(reports: Iterable[TrafficReport]) -> dict[str, object]:
-    """Count over all conflicts; egos that brake hard or steer are below their braking."""
+    """Count over all conflicts; the braking column counts egos that brake hard or steer aside."""
     staged = [item for report in reports for item in report.staged]
     evading = [
         item

@@ -1,4 +1,4 @@
-"""How a staged conflict was resolved: who braked how hard, or how fast both were at the impact."""
+"""Measure how a staged conflict was resolved: who braked how hard, or the speeds at impact."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -14,12 +14,12 @@ from advercity.conflicts.metrics import ActorTrack, Encounter
 BRAKING_WINDOW_S = (3.0, 2.0)
 """Time before and after the lowest time to collision in which both may brake."""
 EVASIVE_BRAKING_M_S2 = 2.5
-"""Deceleration from which on braking is evasive: for bends and lights drivers take 2 m/s²."""
+"""Deceleration at and above which braking is evasive: for bends and lights drivers take 2 m/s²."""
 
 EVASIVE_SHIFT_M = 0.3
-"""Distance from which on moving aside is evasive."""
+"""Distance at and above which moving aside is evasive."""
 COASTING_M_S2 = 0.5
-"""Deceleration of a vehicle that does not brake."""
+"""Maximum deceleration of a vehicle without braking."""
 ONSET_S = 0.4
 """Time within which a driver goes from acceleration to braking."""
 
@@ -54,7 +54,7 @@ class Resolution:
         resolved_by: Who was to resolve it.
         ego_braking_m_s2: Maximum deceleration of the ego near the lowest time to collision.
         actor_braking_m_s2: The same of the actor.
-        ego_aside_m: How far the ego moved aside for an actor that drifts; None for others.
+        ego_aside_m: How far the ego moved aside for a drifting actor; None for other actors.
         impact: The collision, if the outlines touch.
     """
 
@@ -94,16 +94,16 @@ def measure_resolution(
 def _measure_shift_m(
     lane: shapely.LineString, encounter: Encounter, ego: ActorTrack, tick_s: float
 ) -> float:
-    """Measure how far the ego moves from where it is in its lane before it meets an actor."""
+    """Measure how far the ego moves aside from its place in the lane before the meeting."""
     rows = _list_braking_rows(encounter, ego, tick_s)
     offsets_m = np.asarray(shapely.distance(lane, shapely.points(ego.centres[rows])))
     return _round(offsets_m.max() - offsets_m[0])
 
 
 def find_undisturbed_row(encounter: Encounter, ego: ActorTrack, tick_s: float) -> int | None:
-    """Find the last row of the ego before it brakes for the actor; None if it does not brake hard.
+    """Find the last row of the ego before it brakes for the actor; None without hard braking.
 
-    It begins to brake `ONSET_S` before it slows down more than by coasting.
+    It begins to brake `ONSET_S` before it decelerates more than by coasting.
     """
     rows = _list_braking_rows(encounter, ego, tick_s)
     acceleration = ego.rows["acceleration"]

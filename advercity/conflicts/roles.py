@@ -15,7 +15,7 @@ ConflictRoles = Mapping[int, Mapping[str, ConflictRole]]
 
 
 def find_conflict_roles(spec: Spec) -> ConflictRoles:
-    """Find the roles of all actors that take part in a conflict of a spec, the ego among them."""
+    """Find the roles of all participants of a spec's conflicts, the ego among them."""
     roles: dict[int, dict[str, ConflictRole]] = {}
     for conflict in spec.conflicts:
         roles.setdefault(spec.ego.number, {})[conflict.id] = conflict.ego

@@ -1,4 +1,4 @@
-"""How far before the meeting an actor starts, and how fast it can be from there."""
+"""Compute how far before the meeting an actor starts, and its highest speed from there."""
 
 import numpy as np
 from advercity_dsl.road import Vehicle
@@ -7,30 +7,30 @@ from advercity.conflicts.case import ActorPlacement, ConflictCase
 from advercity.roads.routes import RoutePath
 
 WAITING_MARGIN_S = 1.5
-"""Time that an oncoming actor can wait at its start and still be in time."""
+"""Time for which an oncoming actor can wait at its start and still arrive in time."""
 
 
 def compute_run_m(case: ConflictCase, station_m: float) -> float:
-    """Compute how far a vehicle drives that sets out at the scenario's start and is in time."""
+    """Compute how far a vehicle drives to the meeting if it sets out at the scenario's start."""
     speed, acceleration = case.speed_m_s, case.parameters["acceleration_m_s2"]
     meets_s = case.drive.motion.time_at(station_m)
     return speed * (meets_s - speed / (2 * acceleration) - WAITING_MARGIN_S)
 
 
 SAME_LANE_M = 1.5
-"""A vehicle that starts within this distance of an actor's path starts in its lane."""
+"""Maximum distance of a vehicle's start from an actor's path in the same lane."""
 CONNECTED_GAP_M = 6.0
 """Distance between the centre of a connected vehicle and the rear of an actor ahead of it."""
 
 
 def find_last_free_station(case: ConflictCase, path: RoutePath, line_m: float) -> float:
-    """Find how far back on its street an actor can start: before connected vehicles in its lane."""
+    """Find the first station at which an actor can start: ahead of connected vehicles behind it."""
     taken = [station for station in _list_taken_stations(case, path) if station < line_m]
     return max([0.0, *(station + CONNECTED_GAP_M for station in taken)]) + case.actor.length_m / 2
 
 
 def find_free_station(case: ConflictCase, path: RoutePath, start_m: float) -> float:
-    """Find the first station from one on where an actor starts clear of connected vehicles."""
+    """Find the first station from `start_m` on that is clear of connected vehicles."""
     apart_m = CONNECTED_GAP_M + case.actor.length_m / 2
     for station in sorted(_list_taken_stations(case, path)):
         if abs(station - start_m) < apart_m:
@@ -53,7 +53,7 @@ def _list_taken_stations(case: ConflictCase, path: RoutePath) -> list[float]:
 
 
 STEADY_SPEED_FRACTION = 0.88
-"""Fraction of the speed from which it can just stop, so that it keeps its speed for a moment."""
+"""Fraction of the highest speed from which it can stop, so it can keep its speed for a moment."""
 STOPPING_MARGIN_M = 2.2
 """Minimum distance of its front from the crossing of both paths."""
 
@@ -68,15 +68,15 @@ def compute_actor_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
 
 
 def compute_needed_approach_m(case: ConflictCase) -> float:
-    """Compute how far from the meeting an actor has to start for its speed, and to stop short."""
+    """Compute how far from the meeting an actor must start to reach its speed and stop short."""
     steady_m = (case.speed_m_s / STEADY_SPEED_FRACTION) ** 2 / 2 * _sum_inverse_limits(case)
     return steady_m + case.actor.length_m / 2 + STOPPING_MARGIN_M
 
 
 def compute_timely_speed_m_s(case: ConflictCase, place: ActorPlacement) -> float:
-    """Compute the highest speed whose approach an actor from rest drives before the ego comes.
+    """Compute the highest speed at which an actor from rest completes its approach in time.
 
-    At v that takes `v / 2a + (k v^2 + c) / v`, whose second part is the needed approach.
+    At the speed v that takes `v / 2a + (k v^2 + c) / v`; `k v^2 + c` is the needed approach.
     """
     slope = 1 / (2 * case.parameters["acceleration_m_s2"])
     slope += _sum_inverse_limits(case) / (2 * STEADY_SPEED_FRACTION**2)

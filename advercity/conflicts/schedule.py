@@ -1,4 +1,4 @@
-"""What staged actors are to do, timed by when the ego passed in the last dry run."""
+"""Schedule staged actors by the ego's passing times in the last dry run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -29,12 +29,12 @@ from advercity.geometry.polyline import StationedPolyline
 
 @dataclass(frozen=True, eq=False)
 class DryRun:
-    """One run of the traffic, from which the schedules of the next one follow.
+    """One run of the traffic, the basis of the next run's schedules.
 
     Attributes:
         trace: All its ticks, warm-up included.
         fronts: `FRONT_DTYPE` rows by actor, sorted by tick.
-        lane_paths: Path of each staged vehicle that drives in lanes, from its start, by actor.
+        lane_paths: Path of each staged vehicle in lanes, from its start, by actor.
     """
 
     trace: Trace
@@ -44,15 +44,15 @@ class DryRun:
 
 @dataclass(frozen=True, eq=False)
 class ActorSchedule:
-    """What a staged actor is to do.
+    """Commands for a staged actor.
 
     Attributes:
         speed_commands_m_s: Speed (ticks,) for SUMO, where NaN leaves it to SUMO's driver and the
             last value holds on; None for an actor that SUMO does not simulate.
         trigger_s: Time at which the actor sets out or meets the ego.
-        go_s: Time from which it is left to SUMO again.
-        offsets_m: Offsets (ticks,) to the left of its lane; None for an actor that keeps to it.
-        track: `FRONT_DTYPE` rows in place of what SUMO records; None keeps those.
+        go_s: Time from which SUMO drives it again.
+        offsets_m: Offsets (ticks,) to the left of its lane; None without.
+        track: `FRONT_DTYPE` rows that replace SUMO's; None keeps SUMO's.
         crossing: Where and when the actor meets the ego, if their paths cross.
         is_untriggered: Whether the actor only waits, because the ego did not pass.
     """
@@ -77,7 +77,7 @@ def schedule_actors(
     Args:
         spec: The scenario.
         dry_run: The last run.
-        previous: Schedules that it was driven with; empty before the first one.
+        previous: Schedules of that run; empty before the first one.
         reactions: The ego's reactions in it, by conflict; actors come as if it did not react.
     """
     ego = ActorTrack.from_trace(dry_run.trace, spec.ego.number)
@@ -133,7 +133,7 @@ class _Scheduler:
             return ActorSchedule(track=track, is_untriggered=True)
         reaction = self.reactions.get(conflict.id)
         if reaction is not None and reaction.crossing is not None:
-            # The actor comes as if the ego did not react, and goes on after the ego as it does.
+            # The actor comes as if the ego did not react, but leaves after its actual passing.
             crossing = replace(reaction.crossing, clear_s=crossing.clear_s)
         stations, go_s = compute_stop_stations(
             crossing,
@@ -155,7 +155,7 @@ class _Scheduler:
         )
 
     def _gives_way(self, conflict: StagedConflict) -> bool:
-        """Return whether an actor stops short of the ego; the last runs say so for collisions."""
+        """Return whether an actor stops short of the ego; in a collision, only until its plan."""
         if needs_plan(conflict) and conflict.resolved_by == "nobody":
             return conflict.id not in self.reactions
         return conflict.resolved_by in ("actor", "both")
@@ -192,7 +192,7 @@ class _Scheduler:
             self._compute_hold_s(conflict),
         )
         if conflict.resolved_by in ("ego", "nobody"):
-            # One that does not see the ego is back in its lane as long after it as else before it.
+            # An actor blind to the ego returns as long after the passing as others do before it.
             stays_s = 2 * (passing_s + DRIFT_RETURN_MARGIN_S) + parameters["return_time_s"]
             end_s, hold_s = end_s + stays_s, hold_s + stays_s
         offsets = compute_lateral_offsets(
@@ -211,7 +211,7 @@ class _Scheduler:
         )
 
     def _compute_hold_s(self, conflict: StagedConflict) -> float:
-        """Compute how long the actor is in the other lane, which it needs to pass a cyclist."""
+        """Compute how long the actor is in the other lane; passing a cyclist takes longer."""
         actor = conflict.actors[0]
         if actor.behaviour != "overtakes":
             return DRIFT_HOLD_S
@@ -223,7 +223,7 @@ class _Scheduler:
     def _schedule_passed_cyclist(
         self, conflict: StagedConflict, passed: StagedActor
     ) -> ActorSchedule:
-        """Schedule a cyclist so that the actor is ahead by the gap when it begins to return."""
+        """Schedule a cyclist to be behind by the gap when the actor begins to return."""
         if passed.number not in self.previous:
             return ActorSchedule(speed_commands_m_s=np.array([passed.speed_m_s]))
         actor, parameters, tick_s = conflict.actors[0], conflict.parameters, self.tick_s
@@ -260,7 +260,7 @@ class _Scheduler:
         actor: StagedActor,
         conflict: StagedConflict,
     ) -> NDArray[np.void]:
-        # Paths have no height: the ego's, where it passes, is that of the road at the conflict.
+        # Paths have no height; the ego's height at the conflict replaces it.
         z_m = float(self.ego.rows["z"][self.ego.find_nearest_row(conflict.point_m)])
         return build_front_rows(
             path,

@@ -9,15 +9,15 @@ from advercity.conflicts.case import CALM_S, ActorPlacement, ConflictCase
 from advercity.roads.signals import find_declared_green_s
 
 GREEN_AHEAD_S = 3.0
-"""Time before the ego is at a stop line from which on it has green, so that it need not brake."""
+"""Time before the ego's arrival at a stop line by which it has green, to pass without braking."""
 RESTARTED_M = 15.0
-"""Distance from a stop line after which an ego that waited there is fast again."""
+"""Distance after a stop line at which an ego that waited there is fast again."""
 SHORT_WAIT_S = 3.0
-"""An ego that would wait for longer than this at red does wait."""
+"""Longest wait at red for which the lights change instead."""
 
 
 def find_run_lights(case: ConflictCase, place: ActorPlacement) -> Signals | None:
-    """Find the declared program that the actor runs; None where both have green together."""
+    """Find the declared program of the actor's light; None if both have green together."""
     intersection = case.drive.intersection
     if "since_red_s" not in case.parameters or place.approach_street is None or not intersection:
         return None
@@ -30,7 +30,7 @@ def find_run_lights(case: ConflictCase, place: ActorPlacement) -> Signals | None
 
 
 def ignore_lights(case: ConflictCase) -> ConflictCase:
-    """Return the case with an ego that minds no lights at its junction."""
+    """Return the case with an ego that ignores the lights at its junction."""
     junction, _, _ = find_ego_intersection(case.drive)
     return replace(case, drive=case.drive.with_lights(junction, None))
 
@@ -41,7 +41,7 @@ def time_lights(case: ConflictCase, place: ActorPlacement, lights: Signals) -> C
     The actor's approach has green just before the ego's.
 
     Args:
-        case: A conflict whose actor runs a light, in which the ego minds none at its junction.
+        case: A conflict whose actor runs a light, and whose ego ignores the lights.
         place: Where the actor comes from.
         lights: Declared program of the junction.
     """
@@ -64,7 +64,7 @@ def time_lights(case: ConflictCase, place: ActorPlacement, lights: Signals) -> C
 def advance_green(case: ConflictCase, place: ActorPlacement) -> ConflictCase:
     """Return the case with green in time for an ego that would brake for red, or wait shortly.
 
-    It would be slower than is drawn where it meets an actor soon after the stop line.
+    Otherwise it would be slower than drawn at a meeting soon after the stop line.
     """
     if case.drive.intersection is None:
         return case
@@ -86,9 +86,9 @@ def advance_green(case: ConflictCase, place: ActorPlacement) -> ConflictCase:
 
 
 def shorten_wait(case: ConflictCase, place: ActorPlacement) -> ConflictCase:
-    """Return the case with an ego that waits less at its start where the actor would stand.
+    """Return the case with a shorter wait of the ego at its start, if the actor would stand.
 
-    An actor that comes through the junction sets out before the recording begins, if it can.
+    An actor through the junction sets out before the recording begins, if it can.
     """
     if place.approach_street is None:
         return case

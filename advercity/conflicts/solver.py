@@ -1,4 +1,4 @@
-"""Solve a conflict at a road: place its participants, with numbers in place of distributions."""
+"""Solve a conflict at a road: place its participants and draw numbers from distributions."""
 
 from collections.abc import Iterable, Mapping
 from typing import Literal
@@ -57,8 +57,8 @@ def compute_sight_distance_m(
 
     Both move as if to meet there: the ego by its nominal motion, the actor at its speed along its
     path (n, 2). The line of sight runs from centre to centre in the plane, so nothing is seen over
-    roofs or through windows. Obstructions are outlines of parked cars; those in ordinary parking
-    spaces are left out. None if nothing ever hides the actor.
+    roofs or through windows. Obstructions are outlines of the conflict's parked cars, without
+    those in ordinary parking spaces. None if they never hide the actor.
     """
     times_s = np.arange(0.0, SIGHT_HISTORY_S, SIGHT_STEP_S)
     stations = [motion.station_at(motion.time_at(station_m) - time_s) for time_s in times_s]
@@ -86,7 +86,7 @@ ID_NOUNS = {"pedestrian": "walker", "bicycle": "cyclist"}
 
 
 def build_staged_actor(case: ConflictCase, place: ActorPlacement, speed_m_s: float) -> StagedActor:
-    """Build the record of the actor that the ego meets."""
+    """Build the record of the conflict's actor."""
     body = case.actor
     return StagedActor(
         id=f"conflict_{case.index}_{ID_NOUNS.get(body.actor_class, 'vehicle')}",
@@ -106,7 +106,7 @@ def build_staged_actor(case: ConflictCase, place: ActorPlacement, speed_m_s: flo
 
 
 def build_bystanders(case: ConflictCase, station_m: float) -> tuple[StagedActor, ...]:
-    """Build the cyclist that is passed or the cars that are parked; none in most conflicts."""
+    """Build the overtaken cyclist or the parked cars; none in most conflicts."""
     if case.conflict.actor.behaviour == "overtakes":
         return (_build_passed_cyclist(case, station_m),)
     if "obstruction_gap_m" in case.parameters:
@@ -189,12 +189,12 @@ def solve_conflict(
 ) -> tuple[StagedConflict, EgoDrive]:
     """Place all participants of a conflict, with their speeds and the expected time.
 
-    In its drive the ego, whose blueprint is `ego`, makes the conflict's manoeuvre; `typology` is an
-    id. All draws depend on `seed` and `key` (road, conflict and density, so that all weathers share
-    them). `index` is the number among the scenario's conflicts, from 1; nothing critical happens
-    before `not_before_s` from the scenario's start. `least_speed_share` is the density's. The
-    returned drive has its speed limited where it meets the actor, and the lights of its road are
-    timed for the ego, or for an actor that runs them, in the first of the conflicts.
+    `drive` is the ego's, with the conflict's manoeuvre; `ego` is its blueprint, `typology` an id.
+    All draws depend on `seed` and `key` (road, conflict and density, so all weathers share them).
+    `index` is the number among the scenario's conflicts, from 1. No critical event comes before
+    `not_before_s` from the scenario's start. `least_speed_share` is the density's. The returned
+    drive has a speed limit around the meeting; in the first conflict its road's lights are timed
+    for the ego, or for an actor that runs them.
 
     Raises:
         UnsolvableError: The conflict does not fit the road.
@@ -263,7 +263,7 @@ def _name_run_light(case: ConflictCase, place: ActorPlacement) -> str | None:
 
 
 def _find_violation(case: ConflictCase, place: ActorPlacement) -> Literal["signal"] | None:
-    """Find what control the actor violates: no light where both parties have green together."""
+    """Find the control that the actor violates; none if both parties have green together."""
     violates, intersection = case.conflict.actor.violates, case.drive.intersection
     if intersection is None or place.approach_street is None:
         return violates
@@ -285,7 +285,7 @@ def _collect_bounds(case: ConflictCase) -> dict[str, tuple[float, float]]:
 def _collect_parameters(
     case: ConflictCase, place: ActorPlacement, speed_m_s: float, others: Iterable[StagedActor]
 ) -> dict[str, float]:
-    """Collect what was drawn and what followed from it, sorted by name."""
+    """Collect the drawn and the derived parameters, sorted by name."""
     parameters = {
         **case.parameters,
         "actor_speed_km_h": round(speed_m_s * KM_H_PER_M_S, 3),
@@ -300,7 +300,7 @@ def _collect_parameters(
 def _compute_occlusion_m(
     case: ConflictCase, place: ActorPlacement, speed_m_s: float, others: Iterable[StagedActor]
 ) -> float | None:
-    """Compute from where the ego sees an actor behind parked cars; None without any."""
+    """Compute the sight distance to an actor behind parked cars; None without any."""
     blueprints = case.sampler.blueprints
     parked = [
         build_car_outline(np.array(item.path_m), blueprints[item.blueprint].width_m)

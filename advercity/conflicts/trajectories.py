@@ -1,7 +1,7 @@
-"""How staged actors move along their paths: stopping short of the ego, or leaving their lane.
+"""Compute how staged actors move along their paths: stopping short, or leaving their lane.
 
-Paths are `StationedPolyline`s that the centre of a body follows. Times count from the start of the
-scenario, warm-up included.
+Paths are `StationedPolyline`s of the centre of a body. Times count from the start of the scenario,
+warm-up included.
 """
 
 from collections.abc import Iterable, Sequence
@@ -88,8 +88,8 @@ def compute_lateral_offsets(
     """Compute offsets (n,) to the left at times (n,) of an excursion from the lane.
 
     The actor moves out by `shift_m` within `out_s`, stays there for `hold_s`, and comes back within
-    `return_s`, so that it is in its lane again at `end_s`. Both moves are quintics, so that lateral
-    speed and acceleration begin and end at zero.
+    `return_s` to be in its lane at `end_s`. Both moves are quintics, whose lateral speed and
+    acceleration begin and end at zero.
     """
     return_start_s = end_s - return_s
     out = _quintic_step((times_s - return_start_s + hold_s + out_s) / out_s)
@@ -109,12 +109,12 @@ def _quintic_step(fraction: NDArray[np.float64]) -> NDArray[np.float64]:
 def shift_laterally(
     track: NDArray[np.void], offsets: NDArray[np.float64], length_m: float, tick_s: float
 ) -> NDArray[np.void]:
-    """Move `FRONT_DTYPE` rows so that the body's middle is to the left by offsets (n,).
+    """Move the body's middle in `FRONT_DTYPE` rows to the left by offsets (n,).
 
-    The front leads by half a body in the direction in which the middle moves.
+    The front leads by half a body in the direction of the middle's motion.
     """
     rows = track.copy()
-    # Below 1 m/s the ratio of the speeds says nothing about where the body points.
+    # Below 1 m/s the ratio of the speeds does not give the direction of the body.
     moves = track["speed"] > 1.0
     slope = np.where(moves, np.gradient(offsets, tick_s) / np.maximum(track["speed"], 1.0), 0.0)
     left = offsets + length_m / 2 * slope
@@ -125,20 +125,20 @@ def shift_laterally(
 
 
 CLEARANCE_M = 0.6
-"""Distance of a stopped actor from where the ego drives."""
+"""Distance of a stopped actor from the ground that the ego covers."""
 STOP_SEARCH_STEP_M = 0.1
 EGO_SWEEP_BEFORE_S, EGO_SWEEP_AFTER_S = 6.0, 5.0
-"""Part of the ego's path, around its time at the crossing, that the actor keeps clear of."""
+"""Times around the ego's crossing for which the actor keeps clear of its path."""
 MERGE_HEADWAY_S = 1.5
-"""Headway behind the ego of an actor that goes on in the ego's lane."""
+"""Headway behind the ego of an actor going on in the ego's lane."""
 MAX_CROSSING_GAP_M = 8.0
 """Maximum distance of the actual crossing from the declared point."""
 COMMANDED_AFTER_S = 1.5
 """Time after the crossing for which an actor that does not brake keeps its speed."""
 MERGE_GAP_M = 1.0
-"""Paths that come nearer than this without crossing join."""
+"""Maximum distance of paths that join without crossing."""
 LEAST_RUN_M = 3.0
-"""Paths that are together for longer than this before they cross join."""
+"""Minimum length over which paths run together before a crossing that counts as joining."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class PathCrossing:
         distance_m: Station of the crossing on the actor's path.
         ego_s: Time at which the ego's centre is there.
         stop_m: Last station on the actor's path at which it is clear of the ego.
-        enter_m: Station from which on it is in the ego's path.
+        enter_m: Station at which it enters the ego's path.
         clear_s: Time at which the ego has left the actor's path.
     """
 
@@ -165,8 +165,8 @@ def find_crossing(
 ) -> NDArray[np.float64] | None:
     """Find where (2,) the ego's driven path crosses a line, or joins it; None if nowhere.
 
-    Of several crossings it is the one nearest to `point`, within `MAX_CROSSING_GAP_M`. Paths that
-    join run together before they cross, if they do: where depends on centimetres.
+    Of several crossings it is the one nearest to `point`, within `MAX_CROSSING_GAP_M`. Joining
+    paths count from where they join: centimetres decide where they cross, if at all.
     """
     parts = shapely.get_parts(shapely.intersection(line, shapely.LineString(ego.centres)))
     crossings = [shapely.get_coordinates(part)[0] for part in parts if not part.is_empty]
@@ -227,7 +227,7 @@ def compute_path_crossing(
         ego_s=ego_s,
         stop_m=stop_m,
         enter_m=find_stop_station(path, size, swept, distance_m, clearance_m=0.0),
-        # Where the paths join, the ego never leaves the actor's: a headway counts instead, and a
+        # If the paths join, the ego never leaves the actor's: a headway counts instead, and a
         # fifth of a second per metre of the actor's length.
         clear_s=min(last_s, ego_s + MERGE_HEADWAY_S + size[0] / 5),
     )
@@ -240,9 +240,9 @@ def find_stop_station(
     crossing_m: float,
     clearance_m: float = CLEARANCE_M,
 ) -> float:
-    """Find the last station before a crossing up to which a body on a path keeps clear of an area.
+    """Find the last station before a crossing at which a body on a path is clear of an area.
 
-    Stations are those of its centre; `size` begins with its length and width.
+    Stations refer to its centre; `size` begins with its length and width.
     """
     probes = np.arange(0.0, crossing_m, STOP_SEARCH_STEP_M)
     free = shapely.distance(build_boxes(path, probes, size), area) > clearance_m
@@ -264,9 +264,11 @@ def compute_stop_stations(
     """Compute stations along its path of an actor that stops short of the ego and then goes on.
 
     Without braking it would be at the crossing `offset_s` after the ego; it enters the ego's path
-    `post_encroachment_s` after the ego has left its own. One that does not brake (`brakes`) keeps
-    its speed. Its path has a length of `length_m`.
-    Returns the stations (ticks,), and the time from which the actor is free to go as it likes.
+    `post_encroachment_s` after the ego has left the actor's. If `brakes` is false it keeps its
+    speed. `length_m` is the length of its path.
+
+    Returns:
+        The stations (ticks,), and the time from which the actor drives freely.
     """
     acceleration, braking = actor.acceleration_m_s2, actor.braking_m_s2
     meets_s = crossing.ego_s + offset_s
@@ -276,7 +278,7 @@ def compute_stop_stations(
     stop_m = crossing.stop_m
     if not brakes:
         go_s, stop_m = meets_s + COMMANDED_AFTER_S, length_m
-    # An actor that would have to set out before the scenario begins has moved by tick 0.
+    # If the actor has to set out before the scenario begins, it has moved by tick 0.
     first = int(np.floor(min(start_s, 0.0) / tick_s))
     stations: list[float] = []
     station = speed = 0.0
@@ -294,11 +296,11 @@ def compute_stop_stations(
 
 
 STRAIGHT_ON_M = 60.0
-"""Length of the path of an actor that does not leave the ego's."""
+"""Length of the path of an actor that does not evade the ego."""
 
 
 def go_straight_on(path: StationedPolyline) -> StationedPolyline:
-    """Return the first leg of a path, made longer."""
+    """Return the first leg of a path, extended."""
     start, turn = path.points[:2]
     ahead = (turn - start) / np.linalg.norm(turn - start)
     return StationedPolyline.from_points(np.array([start, turn + STRAIGHT_ON_M * ahead]))
