@@ -1,1 +1,1 @@
-"""From authored weather to extinction, sky and light."""
+"""Compute extinction, sky and light from an authored weather."""

@@ -1,4 +1,4 @@
-"""The one physical state of air and light that every sensor sees, derived from a weather.
+"""Compute from a weather the physical state of air and light, the same for every sensor.
 
 Everything is photometric: cd/m², lx and 1/m. Colours are linear sRGB factors with luminance 1.
 """
@@ -27,34 +27,34 @@ from advercity.physics.water import compute_ice_cover
 
 @dataclass(frozen=True, eq=False)
 class Atmosphere:
-    """The physical state that every sensor sees.
+    """The physical state of air, light and ground for every sensor.
 
     Attributes:
         extinction: Extinction coefficients of the air by component, 1/m.
-        sun_direction: Unit vector (3,) towards the sun, or towards the moon at night if it shines.
-        sun_lx: Direct normal illuminance by it, after the loss in fog above the ground.
+        sun_direction: Unit vector (3,) towards the sun, or at night towards a shining moon.
+        sun_lx: Its direct normal illuminance at the ground, after the loss in fog.
         sun_colour: Colour of its light.
         sky_lx: Diffuse horizontal illuminance by the upper half of `sky`.
         sky: (6, n, n, 3) float32 cubemap of luminance in cd/m² without the sun's disc, faces
             +x -x +y -y +z -z of the world; below the horizon it holds the light of the ground.
             Face axes (column right, row down): +x: (-y, -z), -x: (+y, -z), +y: (+x, -z),
             -y: (-x, -z), +z: (-y, +x), -z: (-y, -x).
-        airlight: (6, m, m, 4) float32 cubemap, laid out as `sky`: light scattered towards the eye
-            by air near the ground, per unit of opacity (the source function), three colours in
-            cd/m²; then its relative growth along an infinite ray, where air higher up is brighter.
+        airlight: (6, m, m, 4) float32 cubemap, laid out as `sky`. Three colours in cd/m²: light
+            scattered towards the eye by air near the ground, per unit of opacity (the source
+            function). Then its relative growth along an infinite ray, as higher air is brighter.
         street_lx: Mean illuminance by street lamps, 0 by day.
         wetness: 0 dry to 1 soaked.
         puddle_coverage: Fraction of the carriageway under standing water.
         night: Whether lamps light the scene.
         rain_mm_h: Rate of the falling rain, which ripples puddles.
-        ice_cover: Fraction of the texture of surfaces that clear ice fills.
+        ice_cover: Fraction of the texture of surfaces filled by clear ice.
         snow_depth_m: Depth of lying snow in the open.
         road_snow_cover: Fraction of the carriageway under snow.
         rut_snow_cover: Fraction of its wheel ruts under snow.
         water_film_mm: Depth of the water film on the road, which wheels throw up as spray.
         wind: Wind at 10 m height.
-        clouds: Clouds by day, which images show; `sky` is the mean over all skies of their cover.
-        cloud_contrast: Fraction of their contrast that mist in front of them leaves.
+        clouds: Clouds by day, for images; `sky` is the mean over all skies of their cover.
+        cloud_contrast: Fraction of their contrast behind mist.
     """
 
     extinction: AirExtinction
@@ -85,7 +85,7 @@ class Atmosphere:
 
     @property
     def is_dark(self) -> bool:
-        """Whether hardly any light is from the sky, as at night but not at dusk."""
+        """Whether hardly any light comes from the sky: at night, but not at dusk."""
         return self.night and self.sky_lx < DARK_SKY_LX
 
     @property
@@ -105,7 +105,7 @@ class Atmosphere:
 LandUse = Literal["urban", "rural"]
 
 DARK_SKY_LX = 1.0
-"""Illuminance by the sky below which it matters little against lamps: the sun is 7 degrees down."""
+"""Illuminance below which the sky is negligible against lamps: the sun is 7 degrees down."""
 SKY_SIZE = 256
 """Texels along an edge of the sky cubemap."""
 STREET_LIGHT_COLOUR = np.array(LED_COLOUR)
@@ -114,9 +114,9 @@ STREET_LIGHT_LAYER_M = 10.0
 STREET_LIGHT_EXTENT_M = 500.0
 """How far along the ground street lamps light the air: no town is infinite."""
 GREY_SKY_FROM_OKTAS = 7.0
-"""Cloud cover at which no blue is left in the sky."""
+"""Cloud cover at which the sky is all grey."""
 FOG_BELOW_M, MIST_BELOW_M = 1000.0, 10_000.0
-"""Visibilities (MOR): below the first it is fog (WMO-No. 407), above the second hardly mist."""
+"""Visibilities (MOR): fog is below the first (WMO-No. 407), hardly any mist above the second."""
 _WHITE = np.ones(3)
 
 
@@ -184,7 +184,7 @@ def change_air_and_ground(atmosphere: Atmosphere, weather: Weather) -> Atmospher
 
 
 def _list_air_and_ground(weather: Weather) -> dict[str, Any]:
-    """List what falls and lies in a weather, as fields of `Atmosphere`."""
+    """List precipitation and the state of the ground, as fields of `Atmosphere`."""
     return {
         "wetness": weather.surface.wetness,
         "ice_cover": compute_ice_cover(weather.surface.ice_mm),
@@ -226,7 +226,7 @@ def _choose_clouds(
 def _compute_day_light(
     weather: Weather, sun: Float64Array, extinction: AirExtinction, above: Daylight
 ) -> _SceneLight:
-    """Compute the light of a day without and with fog or dust, and what mist makes of the two."""
+    """Compute the light of a day; in mist it is a mixture of the light without and with fog."""
     foggy = compute_fog_light_fraction(extinction)
     if foggy == 0.0:
         return _compute_fogless_light(weather, sun, above)
@@ -237,10 +237,10 @@ def _compute_day_light(
 
 
 def compute_fog_light_fraction(extinction: AirExtinction) -> float:
-    """Compute the fraction of a sky that is of layers such as fog and dust: none in thin mist.
+    """Compute the fraction of sky light from layers such as fog and dust: 0 in thin mist.
 
-    Below `FOG_BELOW_M` they hide the blue of the sky and its clouds; in between it is proportional
-    to their extinction.
+    Below `FOG_BELOW_M` they hide the blue of the sky and its clouds; from there to `MIST_BELOW_M`
+    it is proportional to their extinction.
     """
     thick, thin = (extinction_from_mor(mor_m) for mor_m in (FOG_BELOW_M, MIST_BELOW_M))
     by_layers = sum(part.extinction.at_550nm for part, _ in extinction.layers)
@@ -250,8 +250,7 @@ def compute_fog_light_fraction(extinction: AirExtinction) -> float:
 def _compute_fogless_light(weather: Weather, sun: Float64Array, light: Daylight) -> _SceneLight:
     """Compute a CIE general sky, scaled to the diffuse illuminance; its horizon is the airlight.
 
-    Over snow a fraction of the sky's light has come from the ground to the clouds; that part is
-    uniform.
+    Over snow, part of the sky's light comes from the ground by way of the clouds; it is uniform.
     """
     albedo = sky.ground_albedo(weather.snow.depth_mm / 1000.0)
     from_ground = sky.ground_lit_fraction(albedo, weather.sky.oktas)
@@ -287,10 +286,10 @@ def _cloudy_luminance(
 def _compute_foggy_light(
     weather: Weather, sun: Float64Array, extinction: AirExtinction, above: Daylight
 ) -> _SceneLight:
-    """Compute the light scattered in fog, dust and the like, and the direct sun that they leave.
+    """Compute the light scattered in fog, dust and the like, and the remaining direct sun.
 
-    They are one layer, as deep as gives the optical depth of all. Dust absorbs some colours more
-    than others, and each colour is solved alone.
+    They form one layer with their total optical depth. Dust absorbs some colours more than others,
+    so each colour is solved alone.
     """
 
     def shape(directions: Float64Array) -> Float64Array:
@@ -327,7 +326,7 @@ def _compute_foggy_light(
     return _SceneLight(
         sun_lx=suns[0],
         sky=np.stack(seen, axis=-1),
-        # Colours differ by their absorption, but hardly in how they grow.
+        # Absorption differs between colours; the growth hardly does.
         airlight=np.stack([*scattered, growth[1]], axis=-1),
     )
 
@@ -335,7 +334,7 @@ def _compute_foggy_light(
 def _compute_night_light(
     weather: Weather, land_use: LandUse, extinction: AirExtinction
 ) -> _SceneLight:
-    """Compute the glow above and the ground below, seen through air that street lamps light."""
+    """Compute the glow above and the ground below, seen through air lit by street lamps."""
     extinction_per_m = extinction.at_550nm
     glow_cd_m2: float = getattr(weather.night.glow_cd_m2, land_use)
     street_lx: float = getattr(weather.night.street_lx, land_use)
@@ -361,7 +360,7 @@ def _compute_night_light(
 
 
 def _absorbed_fraction(extinction: AirExtinction) -> Float64Array:
-    """Compute the fraction (3,) of the light that the air meets which its particles absorb."""
+    """Compute the fraction (3,) of the extinguished light that particles absorb."""
     absorbed = np.zeros(3)
     for part in extinction.suspended:
         fraction = part.extinction.at_550nm / extinction.at_550nm

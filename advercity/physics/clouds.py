@@ -1,9 +1,9 @@
-"""What clouds look like: heaps or a closed deck, as images of the sky show them.
+"""Draw clouds, heaps or a closed deck, for images of the sky.
 
 Light on the ground comes from `Atmosphere.sky`, whose smooth CIE distribution is the mean over all
-skies of a cloud cover. The image made here is one such sky, scaled to light the ground as much.
+skies of a cloud cover. The image is one such sky, scaled to light the ground as much.
 
-Heaps are a field of heights above a flat base, marched through in steps. They are bright where
+Heaps are a height field above a flat base; rays march through it in steps. They are bright if
 little cloud lies between them and the sun, and grey below.
 """
 
@@ -24,16 +24,16 @@ CloudKind = Literal["cumulus", "stratocumulus", "stratus"]
 
 EARTH_RADIUS_M = 6.371e6
 TILE_TEXELS, TILE_M = 1024, 24_000.0
-"""Fields repeat after a tile; haze hides what is farther away."""
+"""Fields repeat after a tile; haze hides the repetition."""
 STEPS = 26
 CLOUD_EXTINCTION_PER_M = 0.02
-"""The least of cumulus (20 to 60 /km), which gives soft edges."""
+"""Minimum extinction of cumulus (20 to 60 /km), for soft edges."""
 EDGE, BASE_EDGE = 0.12, 0.06
-"""Depth of the edges of heaps, in which they thin out, as fractions of the layer's depth."""
+"""Depth of the thinning edges of heaps, as fractions of the layer's depth."""
 SUNWARD_STEPS = (0.08, 0.2, 0.42, 0.8)
 """Heights above a point at which cloud towards the sun is sampled, likewise."""
 MULTIPLE_SCATTERING = 0.35
-"""Factor of optical depth towards the sun: most light that is scattered goes on forward."""
+"""Factor of optical depth towards the sun: most scattered light goes on forward."""
 CLOUD_ALBEDO = 0.75
 HAZE_SCALE_HEIGHT_M = 1200.0
 """Height over which the haze thins out to 1/e."""
@@ -43,11 +43,11 @@ CLUSTERED_FROM_COVER = 0.75
 
 @dataclass(frozen=True)
 class CloudLayer:
-    """Clouds of one kind, what lights them, and the air before them.
+    """Clouds of one kind, their light, and the air in front of them.
 
     Attributes:
         kind: Heaps (cumulus), or a deck with a lumpy (stratocumulus) or an even (stratus) base.
-        cover: Fraction of the sky that is hidden.
+        cover: Hidden fraction of the sky.
         base_m: Height of the base above the ground.
         depth_m: Height of the highest top above the base.
         sun: Unit vector towards the sun.
@@ -73,7 +73,7 @@ class CloudLayer:
 def choose_cloud_kind(oktas: float, *, precipitating: bool) -> tuple[CloudKind, float, float]:
     """Choose kind, base and depth in metres of clouds: heaps up to 6 eighths, then a deck.
 
-    Few heaps are those of fair weather (humilis), flatter than wide; more of them tower higher
+    Few heaps are fair-weather clouds (humilis), flatter than wide; more of them tower higher
     (mediocris): International Cloud Atlas, World Meteorological Organization 2017.
     """
     if oktas <= 6:
@@ -82,7 +82,7 @@ def choose_cloud_kind(oktas: float, *, precipitating: bool) -> tuple[CloudKind, 
 
 
 def draw_cloudy_sky(layer: CloudLayer, smooth_sky: Float32Array, size: int) -> Float32Array:
-    """Draw one of the skies of which `smooth_sky` is the mean.
+    """Draw one sky with the clouds; `smooth_sky` is the mean of all such skies.
 
     Args:
         layer: The clouds.
@@ -90,7 +90,7 @@ def draw_cloudy_sky(layer: CloudLayer, smooth_sky: Float32Array, size: int) -> F
         size: Texels along an edge of the result.
 
     Returns:
-        (6, size, size, 3) cubemap in cd/m² that gives level ground the illuminance of `smooth_sky`.
+        (6, size, size, 3) cubemap in cd/m² with the same illuminance of level ground.
     """
     drawn = np.stack([cv2.resize(face, (size, size)) for face in smooth_sky])
     up = photometry.cubemap_directions(size)[..., 2] > 0.0
@@ -129,7 +129,7 @@ def _draw_heaps(layer: CloudLayer, size: int) -> Float32Array:
 
 
 def _draw_clear_sky(layer: CloudLayer, rays: Float64Array) -> Float64Array:
-    """Draw the luminance (n, 3) of the sky between the clouds, that of a clear day."""
+    """Draw the luminance (n, 3) of the sky between the clouds, as on a clear day."""
     sun = np.array(layer.sun)
     cie_type = sky.cie_sky_type(0, turbidity=layer.turbidity)
     coarse = sky.cie_relative_luminance(photometry.cubemap_directions(32), sun, cie_type)
@@ -143,7 +143,7 @@ def _draw_clear_sky(layer: CloudLayer, rays: Float64Array) -> Float64Array:
 
 @lru_cache(maxsize=2)
 def _draw_deck(layer: CloudLayer, size: int) -> Float32Array:
-    """Draw the brightness (k,) of a deck relative to its mean: thin cloud lets more through."""
+    """Draw the brightness (k,) of a deck relative to its mean: thin cloud transmits more."""
     rays = _list_rays(size)
     rng = create_generator("clouds", layer.kind)
     if layer.kind == "stratocumulus":
@@ -152,15 +152,15 @@ def _draw_deck(layer: CloudLayer, size: int) -> Float32Array:
         lumps, contrast = _build_noise(rng, first_cells=10, octaves=7, gain=0.65), 0.07
     path_m = _distance_to_height(rays[:, 2], layer.base_m)
     tone = _sample_tile(lumps, rays[:, 0] * path_m, rays[:, 1] * path_m)
-    # Towards the horizon lumps are seen from the side and merge.
+    # Towards the horizon lumps appear from the side and merge.
     return np.exp(contrast * tone * np.minimum(1.0, 4.0 * rays[:, 2])).astype(np.float32)
 
 
 def build_heap_heights(layer: CloudLayer) -> Float32Array:
     """Build the heights of heaps (n, n) as fractions of the layer's depth, 0 between them.
 
-    The field is placed so that a gap is before the sun, and cut where heaps hide `layer.cover` of
-    the sky above the horizon. The more they hide, the more they stand in clusters.
+    The field is shifted to have a gap in front of the sun, and cut at the height at which heaps
+    hide `layer.cover` of the sky above the horizon. The more they hide, the more they cluster.
     """
     rng = create_generator("clouds", layer.kind)
     billows = sum(
@@ -202,12 +202,12 @@ def march_heaps(
     """March through heaps from below.
 
     Args:
-        heights: (n, n) of `build_heap_heights`.
+        heights: (n, n) from `build_heap_heights`.
         layer: The clouds.
-        rays: (k, 3) unit vectors that point up.
+        rays: (k, 3) upward unit vectors.
 
     Returns:
-        Opacity (k,), and luminance (k,) in cd/m² that reaches their base.
+        Opacity (k,), and luminance (k,) in cd/m² at their base.
     """
     cosine = np.clip(rays @ np.array(layer.sun), -1.0, 1.0)
     towards_sun = 0.9 + 0.6 * np.exp(-3.0 * np.arccos(cosine))
@@ -240,7 +240,7 @@ def _iterate_steps(
 ) -> Iterator[tuple[Float64Array, Float64Array, tuple[Float64Array, Float64Array]]]:
     """Iterate over heights as fractions of the depth, step lengths and positions x, y, all (k,).
 
-    Rays have heights of their own in each step, since common ones would show as strata.
+    Each ray has its own heights in each step, as common ones would show as strata.
     """
     offset = create_generator("clouds", "steps").random(len(rays))
     near = _distance_to_height(rays[:, 2], layer.base_m)
@@ -272,18 +272,18 @@ def _compute_sunlight(
         covered = np.clip((_sample_tile(heights, x, y) - height - above) / EDGE, 0.0, 1.0)
         depth += covered * above
     depth *= MULTIPLE_SCATTERING * CLOUD_EXTINCTION_PER_M * layer.depth_m * slant
-    # Two decays stand for light scattered once and many times.
+    # Two decays: for light scattered once and for light scattered many times.
     return layer.direct_lx * (0.75 * np.exp(-depth) + 0.25 * np.exp(-0.25 * depth))
 
 
 def _distance_to_height(sines: Float64Array, height_m: float) -> Float64Array:
-    """Compute how far a ray at a sine of elevation goes to a height above the round earth."""
+    """Compute the length of a ray at a sine of elevation to a height above the round earth."""
     down = EARTH_RADIUS_M * sines
     return np.sqrt(down**2 + 2.0 * EARTH_RADIUS_M * height_m) - down
 
 
 def _spread_rays() -> Float64Array:
-    """Spread rays (k, 3) evenly over the dome, of all of which observers count eighths."""
+    """Spread rays (k, 3) evenly over the whole dome, which observers divide into eighths."""
     count = 4000
     sine = (np.arange(count) + 0.5) / count
     azimuth = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
@@ -294,7 +294,7 @@ def _spread_rays() -> Float64Array:
 def _build_noise(
     rng: np.random.Generator, *, first_cells: int, octaves: int, gain: float = 0.5
 ) -> Float32Array:
-    """Build value noise (n, n) that repeats, of mean 0 and variance 1."""
+    """Build periodic value noise (n, n) of mean 0 and variance 1."""
     noise = np.zeros((TILE_TEXELS, TILE_TEXELS), dtype=np.float32)
     for octave in range(octaves):
         cells = first_cells << octave

@@ -1,4 +1,4 @@
-"""Physical constants and vehicle limits that more than one package uses."""
+"""Physical constants and vehicle limits for more than one package."""
 
 import numpy as np
 

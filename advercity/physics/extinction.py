@@ -1,10 +1,10 @@
-"""Extinction coefficients of the air, part by part, and the visibility they leave.
+"""Compute extinction coefficients of the air, part by part, and the resulting visibility.
 
-The visibility of this project is the meteorological optical range (MOR, WMO-No. 8): the path over
-which a beam of white light loses 95 % of its flux. Koschmieder's law ties it to the extinction
-coefficient in the visible, `MOR = ln 20 / extinction`; `mor_from_extinction` and
-`extinction_from_mor` are the only places that apply the law. Extinctions of parts add, their
-visibilities do not. 550 nm represents the visible, 905 nm is the wavelength of the LiDARs.
+Visibility is the meteorological optical range (MOR, WMO-No. 8): the path over which a beam of
+white light loses 95 % of its flux. Koschmieder's law ties it to the extinction coefficient in the
+visible, `MOR = ln 20 / extinction`; only `mor_from_extinction` and `extinction_from_mor` apply it.
+Extinctions of parts add, visibilities do not. 550 nm represents the visible, 905 nm is the
+wavelength of the LiDARs.
 """
 
 import math
@@ -22,7 +22,7 @@ from advercity.physics.weather_parts.part import (
 )
 
 KOSCHMIEDER_CONSTANT = math.log(20.0)
-"""Extinction times MOR: the optical depth that leaves 5 % of the light."""
+"""Extinction times MOR: the optical depth at which 5 % of the light remain."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class AirExtinction:
 
     @property
     def suspended(self) -> tuple[Suspension, ...]:
-        """Particles that float in the air."""
+        """Floating particles."""
         return tuple(part for part in self.parts if isinstance(part, Suspension))
 
     @property
@@ -56,12 +56,12 @@ class AirExtinction:
 
     @property
     def precipitation(self) -> tuple[Precipitation, ...]:
-        """Particles that fall."""
+        """Falling particles."""
         return tuple(part for part in self.parts if isinstance(part, Precipitation))
 
     @property
     def water_g_m3(self) -> float:
-        """Liquid water that floats in the air; 0 without fog."""
+        """Floating liquid water; 0 without fog."""
         return sum(part.water_g_m3 for part in self.suspended)
 
     @property
@@ -97,13 +97,13 @@ def compute_extinction(weather: Weather) -> AirExtinction:
 
 
 def mor_without_precipitation_m(weather: Weather) -> float:
-    """Compute the visibility in metres that floating particles alone leave; inf without them.
+    """Compute the visibility in metres in floating particles alone; inf without them.
 
-    Drivers' reactions are tabulated by it, because rain and snow have tables of their own. It is
-    at least the visibility of the whole air, `AirExtinction.mor_m`.
+    Tables of drivers' reactions use it, because rain and snow have tables of their own. It is at
+    least the visibility of the whole air, `AirExtinction.mor_m`.
     """
     # Without the factor ln 20, which cancels: a table's step at exactly one part's visibility
-    # is compared with `<`, and multiplying and dividing by ln 20 would miss it by a digit.
+    # is compared with `<`, and rounding by the factor would miss it by a digit.
     reciprocal = sum(1 / part.mor_m for part in compute_extinction(weather).suspended)
     return 1 / reciprocal if reciprocal else math.inf
 
@@ -114,7 +114,7 @@ def kim_wavelength_factor(mor_m: float, *, wavelength_nm: float = 905.0) -> floa
     Kim, McArthur and Korevaar, Proc. SPIE 4214 (2001). Fog (below 500 m) does not depend on the
     wavelength.
     """
-    # Kim states the exponent for the range at which 2 % of the light is left, not 5 %.
+    # Kim states the exponent for the range with 2 % of the light left, not 5 %.
     visibility_km = mor_m * math.log(50.0) / KOSCHMIEDER_CONSTANT / 1000.0
     if visibility_km > 50.0:
         exponent = 1.6

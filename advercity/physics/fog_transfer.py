@@ -3,9 +3,9 @@
 Radiances (van de Hulst 1980) are cosine series in the azimuth from the sun, terms along the first
 axis, at the directions of `Streams`, as many downward as upward ones.
 
-Droplets scatter half of the light by a few degrees only. The transfer treats that half as not
-scattered at all (delta scaling; Joseph, Wiscombe and Weinman 1976); it is added afterwards as an
-aureole around the sun.
+Droplets deflect half of the light by a few degrees only. The transfer treats that half as
+unscattered (delta scaling; Joseph, Wiscombe and Weinman 1976), and adds it afterwards as an aureole
+around the sun.
 """
 
 import math
@@ -48,7 +48,7 @@ class Streams:
     ) -> "Streams":
         """Build Gaussian directions and the sun's, for a smooth phase function.
 
-        The rest of what is not `scattered_fraction` is absorbed.
+        The remaining fraction is absorbed.
         """
         node, weight = np.polynomial.legendre.leggauss(NUM_STREAMS)
         cosines = np.append((node + 1.0) / 2.0, cosine)
@@ -67,7 +67,7 @@ class Streams:
     def scatter(
         self, same_direction: Float64Array, opposite_direction: Float64Array
     ) -> Float64Array:
-        """Compute the scattered radiances (terms, n) from those in both directions."""
+        """Compute the scattered radiances (terms, n) from radiances in both directions."""
         onward = np.einsum("mij,j,mj->mi", self.forward_kernel, self.weight, same_direction)
         return onward + np.einsum(
             "mij,j,mj->mi", self.backward_kernel, self.weight, opposite_direction
@@ -87,7 +87,7 @@ class ScatteringLayer:
     Attributes:
         reflectance: (terms, n, n) from the last axis into the one before, without weights.
         diffuse_transmittance: (terms, n, n) transmission of scattered light.
-        direct_transmittance: (n,) transmission of light that is not scattered.
+        direct_transmittance: (n,) transmission of unscattered light.
     """
 
     reflectance: Float64Array
@@ -139,7 +139,7 @@ class ScatteringLayer:
 
 
 def quadrature_azimuths() -> Float64Array:
-    """Compute the azimuths (azimuths,) from the sun that `Streams.to_azimuth_series` expects."""
+    """Compute the azimuths (azimuths,) from the sun for `Streams.to_azimuth_series`."""
     return (np.arange(NUM_AZIMUTHS) + 0.5) / NUM_AZIMUTHS * np.pi
 
 
@@ -161,16 +161,16 @@ def _expand_phase_function(
 
 
 EYE_HEIGHT_M = 2.0
-"""Height above the ground at which the light is evaluated."""
+"""Height of evaluation above the ground."""
 MIN_SUN_SINE = 0.02
-"""Least sine of the sun's elevation: below it, a plane layer overestimates the path."""
+"""Minimum sine of the sun's elevation: below it, a plane layer overestimates the path."""
 MAX_AUREOLE_ORDERS = 32
-"""Most small-angle scatterings of light in the aureole."""
+"""Maximum number of small-angle scatterings of light in the aureole."""
 SHADED_AUREOLE_COSINE = math.cos(math.radians(10.0))
 """Bound of the aureole in airlight: nearer the sun, an object would shade the air before it."""
 MIN_AIRLIGHT_GROWTH, MAX_AIRLIGHT_GROWTH = -0.9, 10.0
 NEGLIGIBLE_TERM, CONVERGENCE_TOLERANCE = 1e-3, 1e-7
-"""Relative size of terms that are left out, and change of the last iteration."""
+"""Relative size of omitted terms, and change in the last iteration."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ class Scatterer:
     Attributes:
         fraction: Fraction of the bank's extinction.
         lobes: Phase function of the particles.
-        albedo: Fraction of the light they meet that they scatter; the rest is absorbed.
+        albedo: Scattered fraction of the extinguished light; the rest is absorbed.
     """
 
     fraction: float
@@ -189,7 +189,7 @@ class Scatterer:
 
     @property
     def wide_fraction(self) -> float:
-        """Fraction of the bank's extinction that they scatter by their wide lobe."""
+        """Fraction of the bank's extinction scattered by their wide lobe."""
         return self.fraction * self.albedo * self.lobes.wide_fraction
 
 
@@ -211,7 +211,7 @@ class FogBank:
 
     @property
     def narrow_fraction(self) -> float:
-        """Fraction of the extinction that scatters by narrow lobes."""
+        """Fraction of the extinction scattered by narrow lobes."""
         return sum(item.fraction * item.lobes.narrow_fraction for item in self.scatterers)
 
     @property
@@ -221,11 +221,11 @@ class FogBank:
 
     @property
     def wide_fraction(self) -> float:
-        """Fraction of the extinction that scatters in any other way."""
+        """Fraction of the extinction scattered in any other way."""
         return sum(item.wide_fraction for item in self.scatterers)
 
     def wide_phase(self, cosine: FloatArray) -> FloatArray:
-        """Evaluate the phase function (n,) of the light that `wide_fraction` scatters."""
+        """Evaluate the phase function (n,) of the light in `wide_fraction`."""
         first, *others = self.scatterers
         shares = [item.wide_fraction / self.wide_fraction for item in others]
         phase = (1.0 - sum(shares)) * first.lobes.wide_phase(cosine)
@@ -239,7 +239,7 @@ class FogRadiance:
     """The light in a fog bank near the ground; luminances in cd/m².
 
     Attributes:
-        sun_lx: Direct normal illuminance that remains of the sun.
+        sun_lx: Remaining direct normal illuminance by the sun.
     """
 
     sun_lx: float
@@ -287,8 +287,8 @@ class FogRadiance:
     def _aureole_luminance(self, cosine: Float64Array, more: int) -> Float64Array:
         """Evaluate the luminances (...) of sunlight scattered by small angles.
 
-        `more` is added to the number of scatterings: 0 for what reaches the eye, 1 for what the air
-        before the eye scatters.
+        `more` is added to the number of scatterings: 0 for light reaching the eye, 1 for light
+        scattered once more by the air in front of it.
         """
         total = np.zeros_like(cosine)
         if self._forward_lx > 0.0:
@@ -382,8 +382,8 @@ def _solve_interreflection(
 def _airlight_growth(near: Float64Array, far: Float64Array, depth: Float64Array) -> Float64Array:
     """Compute the relative growth (n,) of airlight along rays of an optical depth.
 
-    Chosen so that the rays' in-scattered light, from `near` at the eye, adds up to `far`; airlight
-    is assumed to grow linearly with height.
+    With this growth, the rays' in-scattered light, from `near` at the eye, adds up to `far`;
+    airlight is assumed to grow linearly with height.
     """
     transmittance = np.exp(-depth)
     weight = 1.0 - transmittance * (1.0 + depth)

@@ -1,7 +1,7 @@
-"""Gusts: how the speed of the wind fluctuates about its mean.
+"""Gusts: fluctuations of the wind speed about its mean.
 
 A sum of waves with the spectrum of Kaimal et al. (1972), `1 / (1 + 33 n)^(5/3)` of the reduced
-frequency n = f z / U, and random phases. It can be computed at any time on its own.
+frequency n = f z / U, and random phases. Each time can be computed on its own.
 """
 
 import math
@@ -13,7 +13,7 @@ from advercity.randomness import create_generator
 
 PEAK_FACTOR = 3.0
 """Strongest gust of ten minutes in standard deviations: Davenport's expected maximum of a process
-that rises above its mean once in ten seconds."""
+rising above its mean every ten seconds."""
 WAVES = 32
 LONGEST_S, SHORTEST_S = 600.0, 1.0
 """Periods of the waves."""
@@ -25,7 +25,7 @@ class Gusts:
     def __init__(self, mean_m_s: float, *key: int | str) -> None:
         rng = create_generator(*key, "gusts")
         ratio = LONGEST_S / SHORTEST_S
-        # One wave in each of equal steps of the logarithm, so that none repeats soon.
+        # One wave in each of equal steps of the logarithm, to avoid early repetition.
         steps = (np.arange(WAVES) + rng.random(WAVES)) / WAVES
         self._frequency_hz = ratio**steps / LONGEST_S
         self._phase = rng.random(WAVES) * 2.0 * math.pi

@@ -1,8 +1,8 @@
-"""Thermal infrared, 8 to 14 um: radiance by temperature, what the air takes, and the sky.
+"""Thermal infrared, 8 to 14 um: radiance by temperature, extinction in the air, and the sky.
 
 Water drops are Mie spheres with the refractive index of Hale and Querry (Appl. Opt. 12, 555, 1973).
-Fog of droplets as small as radiation fog's is half as thick as in the visible, fog of large ones is
-no thinner; rain and snow are as thick, and haze is nearly transparent.
+Compared with the visible, fog of small droplets (radiation fog) has half the extinction; fog of
+large ones, rain and snow have the same, and haze is nearly transparent.
 """
 
 import math
@@ -41,14 +41,14 @@ WATER_INDEX = np.array(
 )
 """Refractive index of water at `WATER_UM`."""
 DRY_GAS_PER_KM, VAPOUR_PER_KM = 0.06, 0.023
-"""Extinction by carbon dioxide and the like, and for each g/m³ of vapour: an assumption that leaves
-0.82 of a kilometre at 6 g/m³ and 0.68 at 14, about as much as models of the atmosphere do."""
+"""Extinction by carbon dioxide and the like, and for each g/m³ of vapour: an assumption, with a
+transmittance of 0.82 per km at 6 g/m³ and 0.68 at 14, close to models of the atmosphere."""
 VAPOUR_DEPTH_M = 2200.0
-"""Height of a column of the ground's density that has all vapour."""
+"""Height of a column of all vapour at the ground's density."""
 DRY_HUMIDITY = 0.7
 """Relative humidity without fog and precipitation."""
 SKY_COOLER_K = 5.0
-"""By how much the air that emits is cooler than at the ground, in the clear sky."""
+"""Temperature of the emitting air of a clear sky below the air's at the ground."""
 LAPSE_K_M = 0.0065
 _MIN_SINE = 0.03
 """Sine of the elevation below which paths grow no longer: the Earth is round."""
@@ -95,7 +95,7 @@ def mie_extinction(size: Float64Array, index: complex) -> Float64Array:
         inside * xi_slope - index * xi * inside_slope
     )
     terms = (2 * order + 1) * (electric + magnetic).real
-    # Functions of high orders at small sizes overflow; their terms are nothing.
+    # Functions of high orders at small sizes overflow; their terms are negligible.
     return 2.0 / size**2 * np.where(np.isfinite(terms), terms, 0.0).sum(axis=0)
 
 
@@ -132,9 +132,9 @@ class InfraredAir:
         gas_per_m: Extinction by gases.
         drops_per_m: Extinction by haze, fog, precipitation and dust.
         drops_depth_m: Height up to which those are above a camera.
-        cloud_fraction: Part of the sky that clouds cover.
+        cloud_fraction: Fraction of the sky covered by clouds.
         cloud_k: Temperature of their base.
-        cloud_base_m: Height of it.
+        cloud_base_m: Height of their base.
     """
 
     air_k: float
@@ -174,10 +174,10 @@ class InfraredAir:
         return self.gas_per_m + self.drops_per_m
 
     def see_through(self, radiance: Float64Array, range_m: Float64Array) -> Float64Array:
-        """Compute what is seen (...) of a radiance (...) through the air, which radiates itself.
+        """Compute the radiance (...) seen through the air, which radiates itself.
 
-        Drops that scatter light away scatter as much of their surroundings' into the path; these
-        are taken for black bodies of the air's temperature.
+        Drops scatter as much light of their surroundings into the path as out of it; the
+        surroundings count as black bodies of the air's temperature.
         """
         transmittance = np.exp(-self.extinction_per_m * range_m)
         return transmittance * radiance + (1.0 - transmittance) * band_radiance(self.air_k)
@@ -195,7 +195,7 @@ class InfraredAir:
 
     @property
     def longwave_loss_w_m2(self) -> float:
-        """What a black level surface of the air's temperature loses to an open sky.
+        """Net loss of a black level surface of the air's temperature to an open sky.
 
         Clear: Swinbank (Q. J. R. Meteorol. Soc. 89, 339, 1963); clouds: Unsworth and Monteith
         (ibid. 101, 13, 1975).

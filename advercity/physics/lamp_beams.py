@@ -1,8 +1,8 @@
 """Lamps and the angular distribution of their light.
 
 `BEAMS` and `LENS` are the only descriptions of these distributions: NumPy evaluates them here, and
-renderers are to take their shaders' constants from the same fields. Intensities are relative to the
-peak of a lamp.
+renderers take their shaders' constants from the same fields. Intensities are relative to the peak
+of a lamp.
 """
 
 import math
@@ -17,7 +17,7 @@ from advercity.physics.photometry import Colour
 
 
 class LampPattern(IntEnum):
-    """How a lamp distributes its light; shaders know the same numbers."""
+    """Distribution of a lamp's light; shaders use the same numbers."""
 
     STREET = 0
     LOW_BEAM = 1
@@ -31,7 +31,7 @@ class LampPattern(IntEnum):
 
 @dataclass(frozen=True)
 class LightSource:
-    """One lamp that lights the scene."""
+    """One lamp lighting the scene."""
 
     pattern: LampPattern
     position: tuple[float, ...]
@@ -41,8 +41,8 @@ class LightSource:
     """At the peak."""
     colour: Colour
     unobstructed_m: float = np.inf
-    """Length of the free path along its axis, before another vehicle, for air behind it that may
-    glow; surfaces have shadows."""
+    """Length of the free path along its axis up to another vehicle; air beyond does not glow.
+    Surfaces have shadows."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +59,11 @@ class LampBeam:
 
     Attributes:
         cutoff_drop_deg: Angle of the level part of the cut-off below the axis.
-        kink_slope: Rise of the cut-off to the right, degrees per degree; 0 for a level one,
-            negative for one that rises to the left.
+        kink_slope: Rise of the cut-off to the right, degrees per degree; 0 if level, negative if
+            it rises to the left.
         kink_max_deg: Height at which the rising part ends.
         cutoff_softness_deg: Width of the transition from light to dark.
-        stray_fraction: Relative intensity that remains above the cut-off.
+        stray_fraction: Relative intensity above the cut-off.
         peak_below_cutoff_deg: Angle from the cut-off down to the peak.
         below_width_deg: Width of the decline below the peak, to 1/e.
         above_width_deg: Width of the decline of the stray light above the axis, to 1/e.
@@ -86,7 +86,7 @@ class LampBeam:
         """Compute the intensity relative to the peak along rays (..., n, 3) of beams (..., 3)."""
         h, v = _angles_off_axis_deg(facing, rays)
         above = v + self.cutoff_drop_deg - np.clip(self.kink_slope * h, 0.0, self.kink_max_deg)
-        # The exponent is bounded because exp overflows for float32 rays far above the cut-off.
+        # Bounded: exp overflows for float32 rays far above the cut-off.
         dark = np.exp(np.minimum(above / self.cutoff_softness_deg, 80.0))
         light = self.stray_fraction + (1.0 - self.stray_fraction) / (1.0 + dark)
         below_peak = (above + self.peak_below_cutoff_deg) / self.below_width_deg
@@ -107,7 +107,7 @@ class LampBeam:
 
     @property
     def even_top_deg(self) -> float:
-        """Top of that even beam above the cut-off, at most 0: its middle is near the peak."""
+        """Top of the even beam above the cut-off, at most 0: its middle is near the peak."""
         return min(0.0, self.equivalent_height_deg / 2.0 - self.peak_below_cutoff_deg)
 
     def scattered_intensity(
@@ -115,9 +115,8 @@ class LampBeam:
     ) -> FloatArray:
         """Compute `relative_intensity` after droplets have deflected all light a little.
 
-        The cut-off dissolves over the spread (...) of `PhaseLobes.forward_spread_rad`; the
-        beam is so wide that only its height matters, for which an even beam of
-        `equivalent_height_deg` is taken.
+        The cut-off dissolves over the spread (...) of `PhaseLobes.forward_spread_rad`. The beam is
+        so wide that only its height matters: an even beam of `equivalent_height_deg` replaces it.
         """
         h, v = _angles_off_axis_deg(facing, rays)
         above = v + self.cutoff_drop_deg - np.clip(self.kink_slope * h, 0.0, self.kink_max_deg)
@@ -160,7 +159,7 @@ LED_LOW_BEAM = LampBeam(
 )
 """Low beam of LEDs, within the limits of UN R149, class C, at a peak of 23 kcd.
 
-Wider than that of a halogen lamp, brighter to the right, its cut-off almost as sharp as allowed.
+Wider than a halogen lamp's, brighter to the right, its cut-off almost as sharp as allowed.
 """
 FRONT_FOG_BEAM = LampBeam(
     cutoff_drop_deg=0.0,
@@ -189,7 +188,7 @@ HIGH_BEAM = LampBeam(
 )
 """High beam, within the limits of UN R112, class B, at a peak of 50 kcd.
 
-Its cut-off is where it is dark anyway.
+Its cut-off is in the dark anyway.
 """
 BEAMS = {
     LampPattern.LOW_BEAM: LOW_BEAM,
@@ -203,7 +202,7 @@ LEFT_HAND_PATTERNS = {
     LampPattern.LOW_BEAM: LampPattern.LEFT_HAND_LOW_BEAM,
     LampPattern.LED_LOW_BEAM: LampPattern.LEFT_HAND_LED_LOW_BEAM,
 }
-"""Patterns of traffic on the left, by those of traffic on the right; all others are the same."""
+"""Patterns for traffic on the left, by the pattern on the right; all others are the same."""
 
 
 @dataclass(frozen=True)
@@ -230,15 +229,14 @@ class LensBeam:
 LENS = LensBeam(falloff=1.0 - np.cos(np.radians(12.0)))
 """Rear lamps, indicators and signals: 0.5 at 10 degrees, 0.2 at 20 and 0.03 at 45.
 
-Between what UN R148 demands of vehicles' lamps (0.2 at 10 degrees, 0.1 at 20) and what EN 12368
-demands of wide signals.
+Between UN R148 for vehicles' lamps (0.2 at 10 degrees, 0.1 at 20) and EN 12368 for wide signals.
 """
 
 
 def _fraction_beyond(spreads: FloatArray) -> FloatArray:
-    """Compute the fraction (...) of light that is deflected farther to one side than `spreads`.
+    """Compute the fraction (...) of light deflected farther to one side than `spreads`.
 
-    The integral of a Cauchy distribution's over all scales up to the spread.
+    The integral of a Cauchy distribution's fraction over all scales up to the spread.
     """
     square = np.maximum(spreads**2, 1e-12)
     return 0.5 - (np.arctan(spreads) + 0.5 * spreads * np.log1p(1.0 / square)) / math.pi

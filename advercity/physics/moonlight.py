@@ -1,6 +1,6 @@
 """Light of the moon: daylight's distribution, dimmed.
 
-Moonlight is reflected sunlight, so the atmosphere does to it what it does to the sun's.
+Moonlight is reflected sunlight, so the atmosphere treats both alike.
 """
 
 import math
@@ -18,7 +18,7 @@ def compute_moon_lx(phase: float) -> float:
 
     `phase` is the lit fraction of its disc. Magnitudes are -12.73 + 0.026 |a| + 4e-9 a^4 at a phase
     angle of a degrees, and 10^(-0.4 (m + 16.57)) footcandles each (Krisciunas and Schaefer 1991,
-    equations 8 and 9): 0.31 lx of a full moon, 0.029 of a half one.
+    equations 8 and 9): 0.31 lx from a full moon, 0.029 from a half one.
     """
     angle_deg = math.degrees(math.acos(2.0 * phase - 1.0))
     magnitude = -12.73 + 0.026 * angle_deg + 4e-9 * angle_deg**4
@@ -26,7 +26,7 @@ def compute_moon_lx(phase: float) -> float:
 
 
 def compute_moonlight(weather: Weather) -> Daylight:
-    """Compute the moonlight above any fog: none of a new moon, or of one that has set."""
+    """Compute the moonlight above any fog: 0 for a new moon or a set one."""
     moon = weather.moon
     if moon.phase == 0.0 or moon.elevation_deg <= 0.0:
         return Daylight(0.0, 0.0)

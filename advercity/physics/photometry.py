@@ -60,7 +60,7 @@ def stack_cubemap(faces: Float32Array) -> Float32Array:
         faces: (6, n, n, c), laid out as `Atmosphere.sky`.
 
     Returns:
-        (6 (n + 2), n + 2, c): around each face, the texels that its neighbours have there.
+        (6 (n + 2), n + 2, c): each face with a border of its neighbours' texels.
     """
     size = faces.shape[1]
     directions = _spread_over_faces((np.arange(-1, size + 1) + 0.5) / size * 2.0 - 1.0)

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from advercity.physics.extinction import compute_extinction
 
 ROUGHNESS_LENGTH_M = 0.5
-"""Roughness length of the logarithmic wind profile, between those of fields and of towns."""
+"""Roughness length of the logarithmic wind profile, between fields and towns."""
 WIND_REFERENCE_HEIGHT_M = 10.0
 """Height of the authored wind."""
 CAMERA_HEIGHT_M = 2.5
-"""Height of cameras, at which the wind is taken that moves drops and flakes."""
+"""Height of cameras, at which the wind moves drops and flakes."""
 
 
 def is_precipitating(weather: Weather) -> bool:

@@ -2,10 +2,10 @@
 
 Phase functions are per steradian, by the cosine of the scattering angle.
 
-Droplets scatter half of the light by about a degree. On a path from one point to another such
+Droplets deflect half of the light by about a degree. On a path between two points such
 deflections add up: at small angles a Henyey-Greenstein lobe is a two-dimensional Cauchy
-distribution, whose scales add, and a deflection counts the more the farther from the end of the
-path it happens. What has been scattered so lies within an angle of k spreads with a probability of
+distribution, whose scales add, and a deflection counts more the farther it is from the end of the
+path. Light scattered in this way lies within an angle of k spreads with a probability of
 1 + k - sqrt(1 + k²), which is exact for one scattering anywhere on the path.
 """
 
@@ -29,8 +29,8 @@ def henyey_greenstein(cosine: FloatArray, g: float) -> FloatArray:
 class PhaseLobes:
     """Phase function of particles in the air, as a narrow and a wide lobe.
 
-    A Henyey-Greenstein and a Draine lobe; of fog droplets of 5 to 50 um fitted to Mie theory by
-    Jendersie and d'Eon (2023).
+    A Henyey-Greenstein and a Draine lobe; Jendersie and d'Eon (2023) fitted them to Mie theory for
+    fog droplets of 5 to 50 um.
 
     Attributes:
         narrow_g: Mean cosine of the narrow lobe, a Henyey-Greenstein function.
@@ -57,7 +57,7 @@ class PhaseLobes:
 
     @classmethod
     def from_mean_cosine(cls, g: float) -> "PhaseLobes":
-        """Build a Henyey-Greenstein function alone, of irregular grains."""
+        """Build a single Henyey-Greenstein function, for irregular grains."""
         return cls(narrow_g=0.0, wide_g=g, wide_a=0.0, wide_fraction=1.0)
 
     @property
@@ -71,9 +71,9 @@ class PhaseLobes:
         return (1.0 - self.narrow_g) / math.sqrt(self.narrow_g)
 
     def forward_spread_rad(self, depth: FloatArray) -> FloatArray:
-        """Compute the spread (...) of light that paths of optical depths (...) deflect little.
+        """Compute the spread (...) of scattered light with small deflections on a path.
 
-        `depth` is of the narrow lobe alone, above 0; light that is not scattered does not count.
+        `depth` (...) is the optical depth of the narrow lobe alone, above 0.
         """
         return self.narrow_scale_rad * depth / -np.expm1(-depth)
 
@@ -87,9 +87,9 @@ class PhaseLobes:
         return 1.0 / (spread * root * (root + spreads))
 
     def deflection_gain(self, angle: FloatArray, depth: FloatArray) -> FloatArray:
-        """Compute the light (...) that is deflected by an angle, however often, relative to once.
+        """Compute the light (...) deflected by an angle, however often, relative to once.
 
-        Both on a path of optical depth (...) of the narrow lobe alone. Renderers have the same.
+        `depth` (...) is the optical depth of the narrow lobe alone. Renderers repeat this formula.
         """
         often = self.deflection_density(angle, self.forward_spread_rad(depth)) * np.expm1(depth)
         once = depth * self.deflection_density(angle, np.asarray(self.narrow_scale_rad))
@@ -98,8 +98,8 @@ class PhaseLobes:
     def fraction_kept(self, depth: FloatArray, radius_rad: FloatArray) -> FloatArray:
         """Compute the fraction (...) of its light that a disc keeps in the middle of its image.
 
-        The disc has an angular radius (...) and is seen through an optical depth (...) of all
-        scattering: light of the wide lobe is lost, that of the narrow one only beyond the radius.
+        The disc has an angular radius (...), seen through an optical depth (...) of all scattering:
+        light of the wide lobe is lost, light of the narrow one only beyond the radius.
         """
         narrow = self.narrow_fraction * depth
         spreads = radius_rad / self.forward_spread_rad(narrow)

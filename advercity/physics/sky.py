@@ -18,7 +18,7 @@ from advercity.physics.precipitation import is_precipitating
 
 _TWILIGHT_ELEVATION_DEG = (-18.0, -12.0, -6.0, 0.0)
 _TWILIGHT_LX = (0.0006, 0.008, 3.4, 800.0)
-"""Illuminance by a clear sky; at sunset that of `clear_daylight`."""
+"""Illuminance by a clear sky; at sunset as `clear_daylight`."""
 SOLAR_LX = 127_500.0
 """Illuminance by the sun above the atmosphere, normal to its rays (IES 1984)."""
 RAIN_CLOUD_TRANSMITTANCE = 0.5
@@ -70,8 +70,8 @@ def cloudy_daylight(
 ) -> Daylight:
     """Compute the daylight under `oktas` eighths of cloud; twilight with the sun set.
 
-    The total decreases as 1 - 0.75 (N/8)^3.4 (Kasten and Czeplak 1980), and the diffuse fraction
-    of it increases from that of a clear sky to 1.
+    The total decreases as 1 - 0.75 (N/8)^3.4 (Kasten and Czeplak 1980), and its diffuse fraction
+    increases from the clear sky's to 1.
     """
     cover = oktas / 8.0
     by_rain = RAIN_CLOUD_TRANSMITTANCE if precipitating else 1.0
@@ -120,9 +120,9 @@ def sun_colour(elevation_deg: float) -> tuple[float, float, float]:
 GROUND_ALBEDO = 0.1
 """Mean albedo of roads and fields."""
 SNOW_COVER_SCALE_M = 0.002
-"""Depth of snow that leaves 1/e of the bare ground visible."""
+"""Depth of snow at which 1/e of the bare ground remains visible."""
 CLOUD_ALBEDO = 0.6
-"""Of an overcast sky, from below."""
+"""Albedo of an overcast sky, from below."""
 AIRLIGHT_CUBEMAP_SIZE = 64
 """Texels along an edge of the cubemap of airlight."""
 
@@ -209,7 +209,7 @@ def sky_colour(
 ) -> Float64Array:
     """Compute the sky's colour (..., 3): blue above, warm near the sun, grey with clouds.
 
-    Of a low or set sun, the sky is warm along the horizon on its side, and bluer above.
+    At a low or set sun, the sky is warm along the horizon on its side, and bluer above.
     """
     low = min(1.0, max(0.0, 1.0 - math.degrees(math.asin(sun[2])) / _TWILIGHT_FROM_DEG))
     zenith = _ZENITH_XY + (_TWILIGHT_ZENITH_XY - _ZENITH_XY) * low
@@ -233,15 +233,15 @@ def ground_albedo(snow_depth_m: float) -> float:
 
 
 def ground_lit_fraction(albedo: float, oktas: float) -> float:
-    """Compute the fraction of the sky's light that clouds reflect back to a bright ground.
+    """Compute the fraction of the sky's light reflected by clouds from a bright ground.
 
-    Only the excess over the usual ground counts: formulas of daylight include the latter.
+    Only the excess over the usual ground counts: formulas of daylight include the usual one.
     """
     return CLOUD_ALBEDO * oktas / 8.0 * (albedo - GROUND_ALBEDO)
 
 
 def airlight_from_illuminance(illuminance_lx: float) -> float:
-    """Compute the luminance of air that is lit from above and, by the ground, from below."""
+    """Compute the luminance of air lit from above and, by the ground, from below."""
     return illuminance_lx * (1.0 + GROUND_ALBEDO) / (2.0 * math.pi)
 
 

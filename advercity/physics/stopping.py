@@ -1,4 +1,4 @@
-"""Tyre friction, and whether the ego can stop within the distance that it sees."""
+"""Tyre friction, and whether the ego can stop within its sight."""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -16,11 +16,11 @@ REACTION_TIME_S = 1.5
 """Time from perception to braking of surprised drivers (Green, Transportation Human Factors 2,
 2000)."""
 DEFAULT_GRIP = TyreFriction(dry=0.8, wet=0.5, snow=0.25, used_share=0.5)
-"""Friction where a spec has no drivers: usual values of accident reconstruction."""
+"""Friction for a spec without drivers: usual values of accident reconstruction."""
 
 
 def friction_coefficient(grip: TyreFriction, weather: Weather) -> float:
-    """Compute the coefficient of friction in the wheel ruts, by water, ice and what lies there."""
+    """Compute the coefficient of friction in the wheel ruts, by water, ice and deposits."""
     bare = grip.dry + (grip.wet - grip.dry) * weather.surface.wetness
     bare += (grip.ice - bare) * water.compute_ice_cover(weather.surface.ice_mm)
     for deposit in list_deposits(weather):
@@ -88,7 +88,7 @@ def compute_stopping_distance(spec: Spec) -> StoppingDistance:
 
 def _find_occlusion_m(spec: Spec) -> float | None:
     found = [item.parameters.get("occlusion_m") for item in spec.conflicts]
-    # Parameters count from the middle of the ego, a driver from its front.
+    # Parameters count from the middle of the ego, drivers from its front.
     from_middle_m = [distance_m for distance_m in found if distance_m is not None]
     if not from_middle_m or spec.ego.blueprint is None:
         return None

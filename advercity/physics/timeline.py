@@ -1,9 +1,9 @@
-"""The weather of every frame of a scenario, and of which frame its light is.
+"""Find the weather of every frame of a scenario, and the frame of its light.
 
-Everything here is a function of the weather and of the frame's number alone, so frames can be made
-in any order. Air, precipitation and ground change with every frame. Light is that of the last frame
-at which it had changed by `LIGHT_TOLERANCE`, because skies, clouds and light probes take seconds to
-make; until the next such frame it is held constant.
+Everything here is a function of the weather and the frame's number alone, so frames can be made in
+any order. Air, precipitation and ground change with every frame. Light is updated only at frames
+at which it has changed by `LIGHT_TOLERANCE`, because skies, clouds and light probes take seconds
+to make; in between it is constant.
 """
 
 import math
@@ -34,14 +34,14 @@ from advercity.physics.precipitation import (
 from advercity.physics.weather_parts.part import Precipitation
 
 LIGHT_TOLERANCE = 0.05
-"""Relative change of light, or change of a fraction, at which light is made again."""
+"""Relative change of light, or change of a fraction, at which light is updated."""
 SUN_TOLERANCE_DEG = 1.0
-"""Arc of the sun at which it is."""
+"""Arc of the sun at which light is updated."""
 MOMENTS_PER_KEYFRAME = 8
-"""Moments from a keyframe to the next at which what falls is counted: there may be more of one size
-in between than at either."""
+"""Moments from a keyframe to the next at which precipitation is counted: in between there may be
+more of one size than at either."""
 NIGHT_PATH_M = 100.0
-"""Length of a path through air at night that shows how much lamps light it."""
+"""Length of a path through air at night, to measure the light of lamps in it."""
 
 
 class WeatherTimeline:
@@ -95,7 +95,7 @@ class WeatherTimeline:
         return compute_atmosphere(self.weather_at(frame), land_use)
 
     def find_light_frame(self, frame: int) -> int:
-        """Find the frame, not after `frame`, whose light `frame` has."""
+        """Find the frame, `frame` or an earlier one, whose light applies to `frame`."""
         if not self._weather.keyframes:
             return 0
         while self._walked_to < frame:
@@ -106,7 +106,7 @@ class WeatherTimeline:
         return max(made for made in self._light_frames if made <= frame)
 
     def list_precipitation(self) -> list[Precipitation]:
-        """List the precipitation of all of the time that the weather changes."""
+        """List the precipitation over the whole time of changing weather."""
         times_s = [0.0, *(keyframe.at_s for keyframe in self._weather.keyframes)]
         moments = [*np.linspace(0.0, 1.0, MOMENTS_PER_KEYFRAME, endpoint=False)]
         between = [a + (b - a) * part for a, b in pairwise(times_s) for part in moments]
@@ -114,9 +114,9 @@ class WeatherTimeline:
         return [part for weather in weathers for part in compute_extinction(weather).precipitation]
 
     def compute_air_path_m(self, frame: int) -> Float64Array:
-        """Compute the path (3,) of the air at the height of cameras and of flakes since frame 0.
+        """Compute the path (3,) since frame 0 of air and flakes at the height of cameras.
 
-        Horizontally that of the air, in world axes; downwards that of flakes through it.
+        Horizontally it is the air's, in world axes; downwards the flakes' through the air.
         """
         while len(self._paths_m) <= frame:
             weather = self.weather_at(len(self._paths_m))
@@ -146,7 +146,7 @@ def _find_sun(weather: Weather) -> Float64Array:
 
 
 def _describe_light(weather: Weather) -> list[float]:
-    """Describe the light by numbers whose differences can be compared: logarithms and fractions."""
+    """Describe the light by comparable numbers: logarithms and fractions."""
     light, night = sky.daylight_for_weather(weather), weather.night
     air = compute_extinction(weather)
     of_droplets, of_grains = (

@@ -19,7 +19,7 @@ DIFFUSE_EXTERNAL_REFLECTANCE = 0.0664
 DIFFUSE_INTERNAL_REFLECTANCE = (
     1.0 - (1.0 - DIFFUSE_EXTERNAL_REFLECTANCE) / WATER_REFRACTIVE_INDEX**2
 )
-"""Reflectance for diffuse light from inside, much of which is totally reflected."""
+"""Reflectance for diffuse light from inside, with much total reflection."""
 
 
 def fresnel_reflectance(cosine: FloatArray, refractive_index: float) -> FloatArray:
@@ -38,7 +38,7 @@ depth, an assumption."""
 
 
 def compute_ice_cover(ice_mm: float) -> float:
-    """Compute the fraction of a surface's texture that clear ice of a thickness fills.
+    """Compute the fraction of a surface's texture filled by clear ice of a thickness.
 
     Its index of refraction, 1.31, is close enough to water's for all sensors to see it as a film.
     """
@@ -46,19 +46,19 @@ def compute_ice_cover(ice_mm: float) -> float:
 
 
 HOLLOW_SPACING_M = 3.0
-"""Distance between hollows; it makes puddles two to eight metres wide."""
+"""Distance between hollows; puddles are two to eight metres wide."""
 HOLLOWS_PER_EDGE = 128
 """Hollows along an edge of the field, which then repeats."""
 TEXELS_PER_HOLLOW = 4
 """Texels per hollow along an edge."""
 PUDDLE_TEXEL_M = HOLLOW_SPACING_M / TEXELS_PER_HOLLOW
 SHORE_ROUGHNESS = 0.25
-"""Amplitude of the noise that keeps shores from being smooth, relative to the hollows' heights."""
+"""Amplitude of the noise that roughens shores, relative to the hollows' heights."""
 
 
 @lru_cache(maxsize=1)
 def build_puddle_height_field() -> NDArray[np.float32]:
-    """Build the heights (n, n), about 0 to 1, of a square that repeats; rows ascend to the north.
+    """Build the heights (n, n), about 0 to 1, of a periodic square; rows ascend to the north.
 
     Texels are `PUDDLE_TEXEL_M` apart, texel (0, 0) is at the world's origin, and heights between
     texels are interpolated linearly. The array is read-only.
@@ -94,9 +94,9 @@ def puddle_field_height(points: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=16)
 def puddle_water_level(coverage: float) -> float:
-    """Compute the water level that covers that fraction of the ground."""
+    """Compute the water level that covers a fraction of the ground."""
     heights = build_puddle_height_field()
-    # The quantile needs values between texels too: linear interpolation lacks their extremes.
+    # The quantile needs values between texels too, which linear interpolation makes less extreme.
     for axis in (0, 1):
         between = (heights + np.roll(heights, -1, axis)) / 2.0
         heights = np.concatenate([heights, between], axis)
@@ -104,5 +104,5 @@ def puddle_water_level(coverage: float) -> float:
 
 
 def is_in_puddle(points: FloatArray, coverage: float) -> NDArray[np.bool_]:
-    """Whether each point (n, 2 or more) of the world is under water."""
+    """Return whether each point (n, 2 or more) of the world is under water."""
     return puddle_field_height(points) < puddle_water_level(coverage)

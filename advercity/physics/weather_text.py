@@ -13,7 +13,7 @@ CLOUD_TERMS = ((0, "clear"), (2, "few clouds"), (4, "scattered clouds"), (7, "br
 def format_weather(weather: Weather) -> str:
     """Format a weather as `day: thick fog, overcast, wet road, -3 degC`.
 
-    One that changes ends in how it is at last.
+    A changing weather ends with its last state.
     """
     text = f"{weather.time}: {', '.join(_describe_parts(weather))}"
     if not weather.keyframes:

@@ -1,1 +1,1 @@
-"""The parts of the weather: a module each, with all that the part does to light and sensors."""
+"""The parts of the weather: one module each, with all effects on light and sensors."""

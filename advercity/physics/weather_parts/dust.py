@@ -19,7 +19,7 @@ INFRARED_DEPTH_M = 2200.0
 """Height of dust in the infrared, as of water vapour."""
 LIDAR_RATIO_SR = 50.0
 LAYER_M = 300.0
-"""Depth of even dust with the optical depth of a storm's: 3 at a visibility of 300 m."""
+"""Depth of even dust with the optical depth of a storm: 3 at a visibility of 300 m."""
 
 
 def find_grains(dust: Dust) -> Suspension | None:

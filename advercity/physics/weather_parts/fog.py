@@ -1,4 +1,4 @@
-"""Fog: droplets that scatter all light, and hold water that attenuates microwaves."""
+"""Fog: droplets scatter all light, and their water attenuates microwaves."""
 
 from collections.abc import Iterator
 

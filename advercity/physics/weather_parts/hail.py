@@ -21,9 +21,9 @@ SPEED_EXPONENT = 0.8
 SPEED_M_S = 9.0 * 10.0**-SPEED_EXPONENT
 """Terminal speed of a stone of 1 mm, and its growth with the diameter."""
 FLUX = 3.6e-3 * math.pi / 6.0 * 0.9
-"""Rate of melted water in mm/h by one stone of 1 mm per m³ that falls at 1 m/s."""
+"""Rate of melted water in mm/h by one stone of 1 mm per m³ falling at 1 m/s."""
 REFLECTANCE = 0.3
-"""An assumption between a flake and old snow, as a stone's ice is milky."""
+"""An assumption between a flake and old snow: a stone's ice is milky."""
 
 BANDS_MM = (2.0, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0, 22.0, 32.0)
 

@@ -9,7 +9,7 @@ from advercity.physics.extinction import extinction_from_mor, kim_wavelength_fac
 from advercity.physics.weather_parts.part import Extinction, PartPhysics, Suspension
 
 HAZE_BELOW_M = 5000.0
-"""Highest visibility for which texts mention haze."""
+"""Maximum visibility at which texts mention haze."""
 INFRARED_NM = 10_000.0
 INFRARED_DEPTH_M = 2200.0
 """Height of haze in the infrared, as of water vapour."""

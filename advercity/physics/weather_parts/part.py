@@ -1,4 +1,4 @@
-"""Records of a part of the weather: particles that float or fall, and the functions that give them.
+"""Records of a part of the weather: floating or falling particles, and functions to find them.
 
 Diameters are in millimetres. Snow is sized by its melted diameter, as in the literature.
 """
@@ -21,7 +21,7 @@ _ISOTROPIC = PhaseLobes.from_mean_cosine(0.0)
 
 @dataclass(frozen=True)
 class Extinction:
-    """Extinction coefficient in 1/m at the two wavelengths that sensors use."""
+    """Extinction coefficient in 1/m at the two wavelengths of sensors."""
 
     at_550nm: float = 0.0
     at_905nm: float = 0.0
@@ -32,19 +32,19 @@ class Extinction:
 
 @dataclass(frozen=True)
 class Suspension:
-    """Particles that float in the air.
+    """Floating particles.
 
     Attributes:
         name: Name of the part.
         extinction: Their extinction.
-        mor_m: Visibility that they alone leave, which sets the extinction.
+        mor_m: Visibility in them alone, which sets the extinction.
         infrared_depth_m: Height up to which they are in the infrared sky.
         infrared_factor: Extinction from 8 to 14 um relative to 550 nm; droplets follow Mie.
-        layer_m: Depth of the layer that scatters daylight; None if it is part of the clear sky.
+        layer_m: Depth of their daylight-scattering layer; None if they belong to the clear sky.
         lobes: Their phase function in such a layer.
-        albedo: Fraction of red, green and blue light that they scatter; the rest is absorbed.
+        albedo: Scattered fraction of red, green and blue light; the rest is absorbed.
         lidar_ratio_sr: Extinction over backscatter at 905 nm; None if no LiDAR detects them.
-        droplet_um: Effective diameter of droplets of water; None for all else.
+        droplet_um: Effective diameter of droplets of water; None for other particles.
     """
 
     name: str
@@ -98,7 +98,7 @@ class ParticleSizeDistribution:
 
 @dataclass(frozen=True, kw_only=True)
 class Precipitation:
-    """Particles that fall.
+    """Falling particles.
 
     Attributes:
         name: Name of the part.
@@ -110,10 +110,10 @@ class Precipitation:
             a few mrad off the beam, so it misses the glory of exact backscatter.
         permittivity: Relative permittivity at 77 GHz.
         attenuation_db_km: One-way attenuation at 77 GHz; None if it follows from the sizes.
-        bands_mm: Edges of bands of melted diameter that images show, without the largest diameter.
+        bands_mm: Edges of bands of melted diameter in images, without the largest diameter.
             Smaller particles only add to the extinction of the air.
         speed_factors: Factors of the speed, as particles of one size differ in shape.
-        sways: Whether gusts sway the particles; all else is too heavy.
+        sways: Whether gusts sway the particles; others are too heavy.
         is_clear: Whether light passes through them.
         glint_deviation: Standard deviation of the logarithm of their brightness.
     """
@@ -143,14 +143,14 @@ AirPart = Suspension | Precipitation
 
 @dataclass(frozen=True)
 class Deposit:
-    """A part of the weather that lies on the ground.
+    """A part of the weather on the ground.
 
     Attributes:
         name: Name of the part.
         depth_m: Depth in the open.
         road_coverage: Fraction of the carriageway under it.
         rut_coverage: Fraction of the wheel ruts under it.
-        friction: Coefficient of tyres on it; None if it is the drivers' friction on snow.
+        friction: Coefficient of tyres on it; None for the drivers' friction on snow.
     """
 
     name: str
@@ -184,7 +184,7 @@ class PartPhysics:
 @cache
 def load_all_physics() -> Mapping[str, PartPhysics]:
     """Load the effects of all parts, by name."""
-    # Imported here: the models of the language take longer than opening a dataset.
+    # Imported here: loading the language's models takes longer than opening a dataset.
     from advercity_dsl.registry import load_named
     from advercity_dsl.weather_parts import load_weather_parts
 
@@ -192,12 +192,12 @@ def load_all_physics() -> Mapping[str, PartPhysics]:
 
 
 def iterate_parts(weather: Weather) -> Iterator[tuple[PartPhysics, Any]]:
-    """Iterate over the parts of a weather, also those that are absent: effects and value."""
+    """Iterate over the parts of a weather, also absent ones: effects and value."""
     for name, physics in load_all_physics().items():
         yield physics, getattr(weather, name)
 
 
 def list_deposits(weather: Weather) -> list[Deposit]:
-    """List what lies on the ground in a weather, in the order of the parts."""
+    """List the deposits on the ground in a weather, in the order of the parts."""
     found = (physics.find_deposit(part) for physics, part in iterate_parts(weather))
     return [deposit for deposit in found if deposit is not None]

@@ -23,15 +23,15 @@ TERMS = (
 )
 """Highest rate in mm/h for each term (American Meteorological Society)."""
 MAX_DIAMETER_MM = 6.0
-"""Larger drops break up."""
+"""Maximum diameter; larger drops break up."""
 REFLECTANCE = 0.05
 BANDS_MM = (*np.arange(0.5, 3.0, 0.2), 3.3, 3.9, 4.8)
 GLINT_DEVIATION = 1.0
-"""Drops oscillate while they fall and glitter (Garg and Nayar 2006)."""
+"""Falling drops oscillate and glitter (Garg and Nayar 2006)."""
 
 
 def find_drops(rain: Rain) -> Precipitation | None:
-    """Find the drops of rain; microwaves are attenuated as ITU-R has it.
+    """Find the drops of rain; the attenuation of microwaves is ITU-R's.
 
     Their extinction, for wavelengths from 0.4 to 1.6 um, is the sum of their cross-sections in
     closed form times the extinction efficiency, which is 2 in the geometric limit.

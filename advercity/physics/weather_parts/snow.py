@@ -1,4 +1,4 @@
-"""Falling snow: flakes of Gunn and Marshall (1958), sized by the drops that they melt to."""
+"""Falling snow: flakes of Gunn and Marshall (1958), sized by their melted diameters."""
 
 import math
 from collections.abc import Iterator
@@ -22,9 +22,9 @@ TERMS = ((500, "heavy snow"), (1000, "moderate snow"), (math.inf, "light snow"))
 MAX_DIAMETER_MM = 20.0
 ICE_DENSITY_G_CM3 = 0.917
 WET_DENSITY_G_CM3 = 0.2
-"""Density from which flakes are taken as wet; this and the next are assumptions."""
+"""Density at and above which flakes are wet; this and the next are assumptions."""
 WET_WATER_FRACTION = 0.1
-"""Fraction of the volume of a wet flake's ice that has melted."""
+"""Melted fraction of the volume of a wet flake's ice."""
 REFLECTANCE = 0.2
 BANDS_MM = (0.4, 0.6, 0.8, 1.1, 1.5, 2.0, 3.0, 5.0)
 SPEED_FACTORS = (0.7, 1.0, 1.3)
@@ -60,7 +60,7 @@ def _compute_equal_speed(diameter_mm: FloatArray | float) -> FloatArray:
 
 
 def _compute_permittivity(density_g_cm3: float) -> complex:
-    """Compute the permittivity of flakes by how much ice and water is in them."""
+    """Compute the permittivity of flakes by their fractions of ice and water."""
     density = min(density_g_cm3, ICE_DENSITY_G_CM3)
     inclusion = ICE_PERMITTIVITY
     if density >= WET_DENSITY_G_CM3:
