@@ -1,4 +1,4 @@
-"""Roads of maps that lean: vehicles roll with their lane, and stand on it beside its middle."""
+"""Roll vehicles with banked lanes of maps, and set them on the slope beside a lane's middle."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,13 +15,13 @@ from advercity.traffic.body_states import BodyCurves
 from advercity.traffic.motion_spline import MotionSpline
 
 Lean = Callable[[BodyCurves], BodyCurves]
-"""Rolls a body that moves upright along the middle of lanes."""
+"""Rolls a body in upright motion along the middle of lanes."""
 MIN_RISE_M = 0.01
-"""Height between the borders of a lane that leans; less is rounding of a map."""
+"""Minimum height between the borders of a banked lane; less is rounding of a map."""
 MAX_ASIDE_M = 4.0
-"""Distance from the middle of a lane within which it is beneath."""
+"""Maximum distance of a body from the middle of the lane beneath it."""
 MAX_BELOW_M = 2.0
-"""Height between a body and its lane; another is a level below or above."""
+"""Maximum height between a body and its lane; farther lanes are a level below or above."""
 SMOOTHING_TICKS = 4
 """Ticks over which a change of the roll is spread."""
 
@@ -32,7 +32,7 @@ def stay_upright(motion: BodyCurves) -> BodyCurves:
 
 
 def build_lean(road: Road, tick_s: float) -> Lean:
-    """Build what rolls the bodies of a road; the roads of declarations are level across."""
+    """Build the function to roll the bodies of a road; declared roads are level across."""
     lanes = [] if road.imported is None else list(build_road(road).lanes)
     driven = [lane for lane in lanes if lane.kind == "driving" and lane.length_m > 0]
     rises = [np.abs(lane.left[:, 2] - lane.right[:, 2]).max() for lane in driven]
@@ -48,13 +48,13 @@ class _Banking:
     def __init__(self, lanes: list[LaneSegment]) -> None:
         middles = [(lane.left + lane.right) / 2 for lane in lanes]
         across = [lane.left - lane.right for lane in lanes]
-        # Of the gradient, the part across the lane; the other is the pitch of the body.
+        # The part of the gradient across the lane; the other is the pitch of the body.
         gradients = [
             line[:, 2:] * line[:, :2] / np.maximum((line[:, :2] ** 2).sum(axis=1), 1e-6)[:, None]
             for line in across
         ]
         self._lines = _build_lines(middles)
-        # Lines whose height is a component of the gradient, so that it is interpolated alike.
+        # Lines whose height is a component of the gradient, for the same interpolation.
         self._components = [
             _build_lines(
                 [
@@ -67,13 +67,13 @@ class _Banking:
         self._tree = shapely.STRtree(self._lines)
 
     def lean(self, motion: BodyCurves, tick_s: float) -> BodyCurves:
-        """Roll a body by the slope to its left, and lift it by how far it is beside the middle."""
+        """Roll a body by the slope to its left, and lift it by its offset from the middle."""
         slopes, lifts = self._sample(motion)
         slope, lift = (
             MotionSpline.from_samples(values, tick_s, ticks=SMOOTHING_TICKS).derivatives
             for values in (slopes, lifts)
         )
-        # A body that is pitched turns about its own axis, not about a level one.
+        # A pitched body turns about its own axis, not about a level one.
         level = compute_directions(motion.pitch[0]).real
         across = level * slope[0]
         rate = level * slope[1] / (1 + across * across)
@@ -91,7 +91,7 @@ class _Banking:
         near = shapely.distance(points[which], feet)
         order = np.lexsort((near, which))
         order = order[gaps[order] < MAX_BELOW_M]
-        # Of the lanes beneath each place, the nearest one.
+        # The nearest of the lanes beneath each place.
         found, first = np.unique(which[order], return_index=True)
         chosen = order[first]
         gradient = [

@@ -1,4 +1,4 @@
-"""Draw the blueprints that are a given fraction of their class."""
+"""Draw blueprints with a declared fraction of their class."""
 
 from collections.abc import Mapping
 
@@ -8,7 +8,7 @@ from advercity.randomness import create_generator
 
 
 def draw_by_fraction(blueprints: Mapping[str, Blueprint], *key: int | str) -> str | None:
-    """Draw a blueprint by its fraction; None for what is of one without.
+    """Draw a blueprint by its fraction; None stands for those without a fraction.
 
     Args:
         blueprints: Blueprints of a class by name.

@@ -1,8 +1,8 @@
-"""The states of a body: where it is, how it moves and turns, its lamps and its steering.
+"""Build the states of a body: position, motion, turning, lamps and steering.
 
-What an actor does is one smooth motion, of which position, velocity, acceleration and turning are
+The motion of an actor is one smooth curve; position, velocity, acceleration and turning are its
 values and exact derivatives. Positions in the plan are complex numbers here and in the modules of
-motion, east + i north: a heading is then an argument, and one function smooths positions and plain
+motion, east + i north: the argument is a heading, and one function smooths positions and plain
 numbers alike.
 """
 
@@ -16,10 +16,10 @@ from advercity.geometry.plane import compute_directions, compute_headings, compu
 from advercity.physics.constants import MAX_STEERING_RAD
 
 CATCH_UP_FACTOR = 1.1
-"""SUMO's people hop onto crossings and its vehicles slide sideways at standstill; here an actor
-catches up with its position in SUMO no faster than this times its speed."""
+"""Maximum speed of an actor on its way to its position in SUMO, as a multiple of its speed: SUMO's
+people hop onto crossings and its vehicles slide sideways at standstill."""
 STANDSTILL_M_S = 0.1
-"""Below this speed a vehicle is held by its brakes and keeps its steering angle."""
+"""Speed below which a vehicle is held by its brakes and keeps its steering angle."""
 
 
 COASTING_M_S2 = 0.3
@@ -34,11 +34,11 @@ _MOTION_COLUMNS = ("x", "y", "z"), ("vx", "vy", "vz"), ("ax", "ay", "az")
 
 @dataclass(frozen=True, eq=False)
 class BodyCurves:
-    """Where a body's origin is at the ticks of its track, with first and second derivatives.
+    """Position of a body's origin at the ticks of its track, with first and second derivatives.
 
     Attributes:
         plan: (3, n) position east + i north in m, velocity and acceleration.
-        height: (3, n) the same of its height.
+        height: (3, n) its height in m, with first and second derivatives.
         yaw: (2, n) yaw in rad and its rate.
         pitch: (2, n) pitch in rad and its rate.
         roll: (2, n) roll in rad and its rate.
@@ -75,7 +75,7 @@ def build_states(
 
 
 def apply_brake_lamps(states: NDArray[np.void]) -> None:
-    """Light the brake lamps of a vehicle's states (n,) where it slows down or is held."""
+    """Light the brake lamps in a vehicle's states (n,) while it slows down or is held."""
     held = (states["speed"] < STANDSTILL_M_S) & (states["acceleration"] <= COASTING_M_S2)
     braking = held | (states["acceleration"] < -COASTING_M_S2)
     states["lamps"] |= np.where(braking, Lamp.BRAKE, 0).astype(np.uint8)
@@ -84,7 +84,7 @@ def apply_brake_lamps(states: NDArray[np.void]) -> None:
 def compute_steering(
     velocity: NDArray[np.complex128], directions: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
-    """Compute steering angles (n,): where the front axle rolls to; kept at standstill."""
+    """Compute steering angles (n,) from the direction of the front axle; kept at standstill."""
     moves = compute_lengths(velocity) > STANDSTILL_M_S
     wanted = compute_headings(velocity * directions.conj())
     last = np.maximum.accumulate(np.where(moves, np.arange(len(velocity)), 0))
@@ -92,7 +92,7 @@ def compute_steering(
 
 
 def round_states(states: NDArray[np.void]) -> NDArray[np.void]:
-    """Round the states of a trace, so that every processor stores the same bytes."""
+    """Round the states of a trace, so every processor stores the same bytes."""
     rounded = states.copy()
     for name in STATE_COLUMNS:
         if STATE_DTYPE[name].kind == "f":

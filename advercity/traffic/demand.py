@@ -1,6 +1,6 @@
 """Draw the traffic demand of a scenario: its vehicles and pedestrians, their starts and routes.
 
-Each draw has a random stream of its own, so that no actor depends on the draws of another.
+Each draw has a random stream of its own, so no actor depends on the draws of another.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -39,10 +39,10 @@ FIRST_BACKGROUND_VEHICLE = 1001
 ENTRY_SPEED_M_S = 4.0
 MAX_BACKGROUND_SPEED_M_S = 33.0
 STARTING_FRACTION = 0.55
-"""Fraction of the vehicles that start on the site; the others enter. The original drew starts over
+"""Fraction of the vehicles starting on the site; the others enter. The original drew starts over
 areas larger than the sites, which hold between 0.4 (rcnj) and 0.76 (rsnj) of them."""
 ENTRY_WINDOW_S = 15.0
-"""Vehicles that do not start on the site enter at its edge within this time."""
+"""Time within which the other vehicles enter at the edge of the site."""
 SPEED_SPREAD_PERCENT = 30
 BICYCLE_SPEED_M_S = (5.0, 7.0)
 
@@ -54,18 +54,19 @@ class VehicleTrip:
     Attributes:
         actor: The vehicle.
         edges: Route in SUMO's edges.
-        lane: Index of the lane it starts in.
+        lane: Index of its first lane.
         front_position_m: Position of its front bumper on the first edge; None enters at its start.
         depart_s: Time at which it appears.
         start_speed_m_s: Speed at that time.
         speed_factor: Desired speed as a multiple of the limit; None ignores the limit.
-        top_speed_m_s: Speed that it never exceeds.
+        top_speed_m_s: Maximum speed.
         acceleration_limits_m_s2: Maximum acceleration and braking; None takes its class's.
         waits_s: Time for which it waits at its start.
         speed_zones: Stretches with a speed limit of its own, measured from its start.
-        style: How its driver differs from others.
-        trailer: Semi-trailer that it tows; SUMO's vehicle is both.
+        style: Differences of its driver from others.
+        trailer: Its semi-trailer; in SUMO, one vehicle is both.
         trailer_heading_rad: Heading of the semi-trailer at the start.
+
     """
 
     actor: Actor
@@ -85,20 +86,20 @@ class VehicleTrip:
 
     @property
     def length_m(self) -> float:
-        """Length of the vehicle with what it tows."""
+        """Length of the vehicle with its semi-trailer."""
         return self.trailer.lorry_length_m if self.trailer else self.actor.size[0]
 
 
 @dataclass(frozen=True)
 class TrafficDemand:
-    """All actors of a scenario and where they go.
+    """All actors of a scenario and their trips.
 
     Attributes:
         connected: Trips of connected vehicles.
-        staged: Trips of staged vehicles that drive in lanes.
+        staged: Trips of staged vehicles in lanes.
         vehicles: Trips of background vehicles.
         walkers: Trips of background pedestrians.
-        scripted: Staged actors that follow a path of their own, which SUMO does not simulate.
+        scripted: Staged actors with a path of their own, which SUMO does not simulate.
     """
 
     connected: tuple[VehicleTrip, ...]
@@ -109,7 +110,7 @@ class TrafficDemand:
 
     @property
     def trips(self) -> tuple[VehicleTrip, ...]:
-        """Trips of all vehicles that drive in lanes."""
+        """Trips of all vehicles in lanes."""
         return (*self.connected, *self.staged, *self.vehicles)
 
     @property
@@ -137,13 +138,13 @@ def draw_demand(
 ) -> TrafficDemand:
     """Draw the demand of a scenario, a pure function of its traffic seed, road and numbers.
 
-    Staged actors count among the vehicles and walkers that the density asks for.
+    Staged actors count among the vehicles and walkers of the density.
 
     Args:
         spec: The scenario.
         graph: Lanes of the road.
-        redraws: Number of draws to pass over, by id of a background actor that blocked another.
-        crossing_redraws: Number of crossings to pass over, by id of a person who got across none.
+        redraws: Number of draws to skip, by id of a background actor that blocked another.
+        crossing_redraws: Number of crossings to skip, by id of a person who could not cross.
 
     Raises:
         InputError: A start, route or blueprint does not exist, or the road has no room for all.
@@ -207,7 +208,7 @@ def _build_staged_trip(
     actor = _build_staged_actor(item, spec)
     centre_m = lane.length_m - item.start_m
     rear_m = centre_m - actor.size[0] / 2
-    # One that crosses a junction needs its lane free of vehicles that would wait there at red.
+    # An actor through a junction needs a lane without vehicles waiting there at red.
     end_m = lane.length_m if item.behaviour == "stops_short" else rear_m + actor.size[0]
     occupancy.occupy(lane, (rear_m + end_m) / 2, end_m - rear_m)
     return VehicleTrip(
@@ -224,7 +225,7 @@ def _build_staged_trip(
 
 
 def _find_start_lane(item: StagedActor, graph: LaneGraph) -> SumoLane:
-    """Find the lane that a staged vehicle starts in, by its number among those of its route."""
+    """Find the first lane of a staged vehicle, by its number among the lanes of its route."""
     for edge in dict.fromkeys(
         lane.edge for lane in graph.driving_lanes if approach_name(lane.edge) == item.route[0]
     ):
@@ -326,7 +327,7 @@ def _draw_background_trips(
             starts.remove(start)
             occupancy.occupy(*start, length_m)
         if redraws.get(number, 0):
-            # One that was in the way enters at the edge. Its start stays empty: all others stay.
+            # A blocking vehicle enters at the edge. Its start stays empty, so no other moves.
             start = None
         if start is not None or graph.entry_lanes:
             trip = _draw_trip(spec, graph, actor, start, redraws.get(number, 0), length_m)
@@ -362,7 +363,7 @@ def _draw_trip(
 
 def _add_trailer(trip: VehicleTrip, trailer: TowedTrailer, graph: LaneGraph) -> VehicleTrip:
     lane = graph.lanes[f"{trip.edges[0]}_{trip.lane}"]
-    # One that enters has its rear at the start of the lane.
+    # An entering lorry has its rear at the start of the lane.
     front_m = trailer.lorry_length_m if trip.front_position_m is None else trip.front_position_m
     heading_rad = trailer.find_start_heading(lane, front_m)
     return replace(trip, trailer=trailer, trailer_heading_rad=heading_rad)
@@ -371,7 +372,7 @@ def _add_trailer(trip: VehicleTrip, trailer: TowedTrailer, graph: LaneGraph) -> 
 def slow_trip(
     trip: VehicleTrip, response: DriverResponse, *, before: DriverResponse | None
 ) -> VehicleTrip:
-    """Return a trip at the speed of another response of drivers than it was planned for."""
+    """Return a trip at the speed of another response of drivers."""
     ratio = response.speed_share / (before.speed_share if before else 1.0)
     slows = trip.speed_factor is None or trip.actor.actor_class == "bicycle"
     return replace(
@@ -382,14 +383,14 @@ def slow_trip(
 
 
 def _weather_speed_ratio(spec: Spec) -> float:
-    """Return drivers' speed as a ratio of that in clear weather."""
+    """Return the ratio of drivers' speed to their speed in clear weather."""
     return spec.caution.speed_share if spec.caution else 1.0
 
 
 def _draw_random_route(
     graph: LaneGraph, lane: SumoLane, draw: np.random.Generator
 ) -> tuple[str, ...]:
-    """Draw a random route that keeps to its lane wherever that continues."""
+    """Draw a random route that keeps to its lane wherever the lane continues."""
     edges = [lane.edge]
     while len(edges) < MAX_ROUTE_EDGES and (successors := graph.find_successor_lanes(lane)):
         lane = successors[draw.integers(len(successors))]
@@ -413,7 +414,7 @@ def _draw_actor(spec: Spec, number: int) -> Actor:
         )
     fractions = np.array(list(weights.values())) / sum(weights.values())
     models = fitting[list(weights)[draw.choice(len(fractions), p=fractions)]]
-    # Those without a fraction first, so that fractions change no other vehicle.
+    # Blueprints without a fraction first, so fractions change no other vehicle.
     usual = [name for name, item in models.items() if item.fraction is None] or list(models)
     name = usual[draw.integers(len(usual))]
     name = draw_by_fraction(models, spec.seeds.traffic, "vehicle fraction", number) or name

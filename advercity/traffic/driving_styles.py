@@ -1,7 +1,7 @@
-"""Differences between drivers, and slow changes of the speed that each of them wants.
+"""Differences between drivers, and slow changes of each driver's wanted speed.
 
-Each driver's draws have a random stream of its own, and changes are a function of time alone: dry
-runs rely on every run doing the same, whatever other drivers do.
+Each driver's draws have their own random stream, and changes are a function of time alone: dry
+runs need the same behaviour in every run, independent of other drivers.
 """
 
 import math
@@ -12,7 +12,7 @@ import numpy as np
 from advercity.randomness import create_generator
 
 HEADWAYS, GAPS = (1.0, 0.35, 0.5, 2.2), (1.0, 0.35, 0.5, 2.2)
-"""Median, standard deviation of the logarithm, least and greatest ratio to the class.
+"""Median, standard deviation of the logarithm, minimum and maximum ratio to the class.
 
 Engineering values."""
 ACCELERATIONS = (0.85, 0.2, 0.6, 1.0)
@@ -24,10 +24,10 @@ BRAKINGS = (1.0, 0.28, 0.5, 2.0)
 SWAY_FRACTION = 0.02
 """Amplitude of each wave of a free driver's speed, as a fraction of the speed.
 
-It makes an acceleration noise of 0.1 m/s2 in town, a hundredth of g as on free roads (Jones and
+It causes an acceleration noise of 0.1 m/s2 in town, a hundredth of g as on free roads (Jones and
 Potts, Operations Research 10, 1962: 0.01 to 0.03 g)."""
 SWAY_PERIODS_S = ((6.0, 9.0), (9.0, 15.0), (15.0, 30.0))
-"""Shortest and longest period of each wave."""
+"""Minimum and maximum period of each wave."""
 
 
 @dataclass(frozen=True)

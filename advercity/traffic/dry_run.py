@@ -1,8 +1,8 @@
 """Repeat dry runs of the traffic until no actors overlap and all staged conflicts happen.
 
-SUMO's traffic has no chance in it, so what one run shows is what the next one does again. After
-each run the actors are timed by when the ego passed, and background actors that block an actor or
-the ego are drawn again. A run that needs no change is the result.
+SUMO's traffic is deterministic, so the next run repeats the last one apart from the changes. After
+each run the actors are timed by the ego's passing, and background actors that block an actor or
+the ego are drawn again. A run without changes is the result.
 """
 
 import tempfile
@@ -48,29 +48,29 @@ from advercity.traffic.sumo_run import run_sumo
 
 MAX_DRY_RUNS = 60
 MAX_LISTED_PAIRS = 4
-"""Number of blockages that a message lists."""
+"""Maximum number of blockages in a message."""
 TRIGGER_TOLERANCE_S = 0.06
-"""A schedule is kept if the next one would move its trigger by no more than this."""
+"""Maximum change of the trigger in the next schedule for which a schedule is kept."""
 
 DELAYED = {"ego_speed_km_h", "since_red_s"}
-"""Parameters that are outside their range where others hold the ego up."""
+"""Parameters that leave their range if others hold the ego up."""
 DISTURBED = {"ego_speed_km_h", "arrival_offset_s"}
-"""Parameters that are outside their range where others hold the ego or the actor up."""
+"""Parameters that leave their range if others hold the ego or the actor up."""
 MAX_CROSSING_RUNS = 4
-"""First dry runs, after which people who did not get across a street try another one."""
+"""Number of first dry runs after each of which people who could not cross try another street."""
 MAX_DELAY_REDRAWS = 10
-"""In dense traffic there may always be another that holds it up."""
+"""Maximum number of redraws: in dense traffic yet another actor may hold the ego up."""
 
 PastDryRun = tuple[Mapping[int, int], Mapping[int, ActorSchedule]]
-"""Redraws of background actors in a dry run, and the schedules that followed from it."""
+"""Redraws of background actors in a dry run, and the resulting schedules."""
 
 
 def simulate_with_dry_runs(spec: Spec, network: Path) -> Trace:
     """Simulate the traffic of a spec with its conflicts.
 
     Raises:
-        InputError: The spec asks for something that the road does not have.
-        StagingError: A conflict cannot be staged here, or actors overlap whatever is drawn.
+        InputError: The spec needs something that the road lacks.
+        StagingError: A conflict cannot be staged here, or actors overlap in every draw.
     """
     runs = _DryRuns(spec, read_lane_graph(network), network)
     for _ in range(MAX_DRY_RUNS):
@@ -81,7 +81,7 @@ def simulate_with_dry_runs(spec: Spec, network: Path) -> Trace:
 
 
 class _DryRuns:
-    """Successive dry runs, each changed by what the last one showed.
+    """Successive dry runs, each changed by the results of the last one.
 
     Attributes:
         reason: Why the last one is not the result.
@@ -104,10 +104,10 @@ class _DryRuns:
         self._ends_with_ego = False
 
     def run_next(self) -> Trace | None:
-        """Run once more; the trace if all went as declared, else None, and the next run differs.
+        """Run once more; return the trace if all went as declared, else None for another run.
 
         Raises:
-            StagingError: Nothing that could be changed would help.
+            StagingError: No possible change would help.
         """
         spec, previous = self._spec, self._schedules
         demand = draw_demand(spec, self._graph, self._redraws, self._crossing_redraws)
@@ -140,7 +140,7 @@ class _DryRuns:
         return self._check_result(demand, recording)
 
     def _redraw_crossings(self, demand: TrafficDemand, recording: SumoRecording) -> bool:
-        """Send people who did not get across a street to another; False if all did, or too late.
+        """Send people who could not cross a street to another; False if all did, or too late.
 
         Lights may stay red, and kerbs are crowded.
         """
@@ -159,7 +159,7 @@ class _DryRuns:
         return any(schedule.is_untriggered for schedule in self._schedules.values())
 
     def _wait_for_ego(self, recording: SumoRecording) -> bool:
-        """Have the next runs go on until the ego arrives; False if no other ended the last one."""
+        """Extend the next runs until the ego arrives; False if no other vehicle ended the last."""
         if self._ends_with_ego or recording.arrived <= {self._spec.ego.number}:
             return False
         self._ends_with_ego = True
@@ -169,7 +169,7 @@ class _DryRuns:
         return True
 
     def _redraw_ego_blockers(self, demand: TrafficDemand, trace: Trace) -> bool:
-        """Redraw what holds up an ego that an actor waits for in vain; False if nothing does."""
+        """Redraw blockers of an ego that an actor waits for in vain; False without any."""
         if not self._has_untriggered:
             return False
         self.reason = format_unmet_conflicts(self._spec, self._schedules)
@@ -197,7 +197,7 @@ class _DryRuns:
         return True
 
     def _check_result(self, demand: TrafficDemand, recording: SumoRecording) -> Trace | None:
-        """Return the trace with scripted tracks in it; None, with redraws, if it is not clear."""
+        """Return the trace with scripted tracks; None, with redraws, if it is not clear."""
         spec = self._spec
         tracks = {
             number: schedule.track
@@ -208,12 +208,12 @@ class _DryRuns:
         trace = build_trace(spec, demand, recording, first_tick=spec.timing.warm_up_ticks + 1)
         contact = find_first_contact(spec, trace)
         if contact is not None:
-            trace = trace.cut(contact + 1)  # nobody knows what bodies do after a collision
+            trace = trace.cut(contact + 1)  # no model of bodies after a collision
         blockages = set(find_blockages(spec, trace))
         if blockages:
             self.reason = format_blockages(spec, blockages)
             blockers = demand.select_background(item.blocker_id for item in blockages)
-            # A staged actor cannot be redrawn: then what blocked before may have led to this.
+            # A staged actor cannot be redrawn: earlier blockers may have led to this.
             self._blockers = blockers or self._blockers
             if not self._blockers:
                 raise StagingError(self.reason)
@@ -234,7 +234,7 @@ class _DryRuns:
         return None
 
     def _redraw_delaying_actors(self, demand: TrafficDemand, trace: Trace) -> bool:
-        """Redraw what makes the ego late before it reacts; False if nothing does, or too often."""
+        """Redraw actors that delay the ego before it reacts; False without any, or too often."""
         if self._reactions or self._delay_redraws == MAX_DELAY_REDRAWS:
             return False
         outcomes = evaluate_outcomes(self._spec, trace)
@@ -247,7 +247,7 @@ class _DryRuns:
         return bool(blockers)
 
     def _plan_reaction(self, demand: TrafficDemand, recording: SumoRecording) -> bool:
-        """Let the ego react to the next actor, if there is one left, in the next run."""
+        """Let the ego react to the next remaining actor, if any, in the next run."""
         waiting = (
             conflict
             for conflict in self._spec.conflicts
@@ -281,7 +281,7 @@ class _DryRuns:
         return True
 
     def _steer_ego(self, recording: SumoRecording) -> SumoRecording:
-        """Move the ego aside where its reactions say so."""
+        """Move the ego aside by the offsets of its reactions."""
         ego, tick_s = self._spec.ego, self._spec.timing.tick_s
         for reaction in self._reactions.values():
             if len(reaction.offsets_m) > 0:
@@ -297,7 +297,7 @@ class _DryRuns:
         self._is_reaction_old = False
 
     def _redraw(self, numbers: set[int]) -> None:
-        # Actors that the ego reacts to may come at another time after vehicles have changed.
+        # After vehicles have changed, actors of reactions may come at another time.
         if all(number >= FIRST_BACKGROUND_WALKER for number in numbers):
             self._is_reaction_old = True
         else:
@@ -307,7 +307,7 @@ class _DryRuns:
 
 
 def format_unmet_conflicts(spec: Spec, schedules: Mapping[int, ActorSchedule]) -> str:
-    """Format which conflicts the ego did not pass, as a sentence."""
+    """Format the conflicts that the ego did not pass, as a sentence."""
     names = [
         f"{conflict.id} ({conflict.conflict})"
         for conflict in spec.conflicts
@@ -323,7 +323,7 @@ def format_unmet_conflicts(spec: Spec, schedules: Mapping[int, ActorSchedule]) -
 
 
 def format_blockages(spec: Spec, blockages: Iterable[Blockage]) -> str:
-    """Format which actor blocked which, as a sentence."""
+    """Format blocking and blocked actors, as a sentence."""
     names = {agent.number: f"{agent.id} ({agent.number})" for agent in spec.agents} | {
         actor.number: f"{actor.actor_class} {actor.number} of {conflict.id} ({conflict.conflict})"
         for conflict in spec.conflicts
@@ -355,7 +355,7 @@ def _find_disturbing_actors(
 ) -> set[int]:
     """Find background actors that hold the ego up where it missed conflicts with actors.
 
-    If none holds the ego up, they are those that hold the conflict's actor up.
+    If none does, find background actors that hold up the conflicts' actors.
     """
     if not missed:
         return set()
@@ -373,7 +373,7 @@ def _build_trip_path(trip: VehicleTrip, graph: LaneGraph) -> StationedPolyline:
 
 
 def _has_changed(before: Mapping[int, ActorSchedule], after: Mapping[int, ActorSchedule]) -> bool:
-    """Return whether a vehicle in SUMO has to be commanded differently."""
+    """Return whether a vehicle in SUMO needs different commands."""
     return any(
         schedule.speed_commands_m_s is not None
         and (
@@ -415,7 +415,7 @@ def record_traffic(
 
 
 def _join_commands(parts: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Join speed commands (ticks,) that hold at different times and are NaN at all others."""
+    """Join speed commands (ticks,) for different times; NaN at all other times."""
     parts = list(parts)
     joined = np.full(max(map(len, parts)), np.nan)
     for part in parts:

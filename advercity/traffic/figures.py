@@ -1,4 +1,4 @@
-"""Tells people, and semi-trailers, of one blueprint apart: by a number, bodies differ."""
+"""Number people and semi-trailers of one blueprint, for different bodies."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -7,9 +7,9 @@ from advercity.frames import Actor, Frame
 
 
 def number_figures(actors: Iterable[Actor]) -> dict[int, int]:
-    """Number the people and semi-trailers of each blueprint from 0, by ascending id; by their ids.
+    """Number the people and semi-trailers of each blueprint from 0 by ascending id; keys are ids.
 
-    The trace of a scenario is the same in all weathers, so a person is, too.
+    All weathers share a scenario's trace, so a person looks the same in all of them.
     """
     counts: dict[str, int] = {}
     figures: dict[int, int] = {}

@@ -1,13 +1,13 @@
-"""Twice differentiable curves through time or along a path, made from values that jump.
+"""Build twice differentiable curves in time or along a path from discontinuous values.
 
 SUMO moves its actors by steps of a tick: speeds jump, lanes have corners, people hop. A curve here
 is a uniform cubic B-spline whose control values are weighted means of such values, so acceleration
-is continuous and linear between ticks. All weights are positive: a curve never overshoots, never
-runs backwards where the values do not, and is at rest exactly where they are. Sums are elementwise
-and in a fixed order, so that no machine rounds them differently.
+is continuous and linear between ticks. All weights are positive: a curve never overshoots, runs
+backwards only where the values do, and is at rest exactly where they are. Sums are elementwise and
+in a fixed order, so rounding is the same on all machines.
 
-Heights are such curves along the path, since roads bend where they are and not where a vehicle is
-at a time: a vehicle that changes its speed slowly still follows every bump.
+Heights are such curves along the path instead of in time: a vehicle with slowly changing speed
+still follows every bump.
 """
 
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ Values = NDArray[Any]
 """(n,) plain numbers, or points as east + i north."""
 
 EASING_TICKS = 4
-"""Ticks over which a change sets in and ends: bounds jerk where positions jump."""
+"""Ticks over which a change sets in and ends; they limit the jerk at jumps of position."""
 PROFILE_STEP_M = 1.5
-"""Between controls of a height profile: tyres and springs even out what is shorter."""
+"""Distance between controls of a height profile: tyres and springs even out shorter bumps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,14 +70,13 @@ class MotionSpline:
         It differs only near them, since every change keeps its mean time.
 
         Args:
-            gains: (n,) by how much the step after a tick exceeds the one before, as far as that is
-                to be hastened.
+            gains: (n,) excess of the step after a tick over the one before, the part to hasten.
             ticks: Even number of ticks over which all changes are spread.
-            to_ticks: Even number of ticks over which these are to be spread.
+            to_ticks: Even number of ticks over which to spread these.
         """
         slow, fast = _build_weights(ticks), _build_weights(to_ticks)
         moved = slow.sum() * np.pad(fast, (len(slow) - len(fast)) // 2) - fast.sum() * slow
-        # From a gain on, values are a ramp; smoothed both ways, it differs where it begins.
+        # From a gain on, values are a ramp; the two smoothings differ where it begins.
         ramp = np.cumsum(np.cumsum(moved))[:-2]
         padded = np.pad(gains, len(ramp) // 2 + 1)
         change = _sum_weighted(padded, ramp, len(self.controls)) / (slow.sum() * fast.sum())
@@ -113,7 +112,7 @@ class MotionSpline:
 
 
 def _build_weights(ticks: int) -> NDArray[np.int64]:
-    """Build the weights of the values around a tick where a change is spread over some ticks."""
+    """Build the weights of the values around a tick to spread a change over some ticks."""
     return np.convolve(np.ones(ticks, np.int64), np.ones(EASING_TICKS, np.int64))
 
 
@@ -133,7 +132,7 @@ def interpolate_smoothly(
     It passes through every value, and its second derivative is continuous.
 
     Args:
-        times_s: (n,) rising times of two or more values, which need not be evenly spaced.
+        times_s: (n,) rising times of two or more values, evenly spaced or not.
         values: (n,) values.
         at_s: (m,) times from the first to the last.
 
@@ -161,7 +160,7 @@ def interpolate_smoothly(
 def _solve_bends(steps: NDArray[np.float64], slopes: Values) -> Values:
     """Solve for the second derivatives (n + 1,) at the ends of n cubic pieces.
 
-    The matrix has three diagonals, which are eliminated in a fixed order.
+    The matrix is tridiagonal and eliminated in a fixed order.
     """
     count = len(steps) - 1
     if count == 0:
@@ -188,7 +187,7 @@ class HeightProfile:
 
     Attributes:
         controls: (n,) control values in m.
-        first_m: Station of the first of them.
+        first_m: Station of the first control value.
     """
 
     controls: NDArray[np.float64]

@@ -53,7 +53,7 @@ def draw_paint(
     Args:
         actor_class: Selects the colours of traffic, or of coats.
         key: Key of the random stream.
-        paints: Fractions of colours that a blueprint declares instead.
+        paints: Fractions of colours declared by a blueprint; None for the usual ones.
     """
     fractions = _COAT_COLOUR_FRACTIONS if actor_class == "pedestrian" else _VEHICLE_PAINT_FRACTIONS
     if paints:

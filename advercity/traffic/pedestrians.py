@@ -23,14 +23,14 @@ MIN_WALKING_SPEED_M_S, MAX_WALKING_SPEED_M_S = 1.0, 2.0
 MIN_LEG_M = 5.0
 END_CLEARANCE_M = 0.5
 MAX_CROSSING_DRAWS = 7
-"""A person who still is in the way after that many draws does not cross."""
+"""Number of draws after which a person who still blocks others does not cross."""
 CROSSING_WINDOW_S = 8.0
-"""People who cross a street come to it within this time from the begin of the recording."""
+"""Time after the begin of the recording within which people come to the street they cross."""
 
 MAX_GREEN_WAIT_S = 14.0
-"""They take a crossing that has green within this time, if there is one."""
+"""Maximum wait for green at the crossing they choose, if any has so short a wait."""
 GREEN_SPREAD_S = 6.0
-"""People who find a crossing red come to it within this time from the begin of its green."""
+"""Time after the begin of its green within which people come to a crossing found red."""
 
 
 @dataclass(frozen=True)
@@ -64,15 +64,15 @@ def draw_pedestrian_trips(
 ) -> tuple[PedestrianTrip, ...]:
     """Draw the trips of people on foot.
 
-    The declared fraction of them first crosses a street. They start so near to it that they are
-    there soon after the recording begins, at green if the crossing has lights.
+    The declared fraction of them first crosses a street. They start near enough to cross soon after
+    the recording begins, at green if the crossing has lights.
 
     Args:
         spec: The scenario.
         graph: Lanes of the road.
         count: Number of people; fewer are drawn if the sidewalks are full.
-        redraws: Number of draws to pass over, by id of a person.
-        crossing_redraws: Number of crossings to pass over, by id of a person.
+        redraws: Number of draws to skip, by id of a person.
+        crossing_redraws: Number of crossings to skip, by id of a person.
     """
     starts = list(
         iterate_start_positions(
@@ -115,7 +115,7 @@ def _draw_crossing_people(spec: Spec, trips: Sequence[PedestrianTrip]) -> set[in
 
 
 def _find_crossings(spec: Spec, graph: LaneGraph) -> list[StreetCrossing]:
-    """Find the crossings of the areas in which people start."""
+    """Find the crossings in the start areas."""
     areas = compute_start_areas(spec)
     ends = (
         graph.sidewalks[item.sidewalk].shape[[-1 if item.at_end else 0], :2]
@@ -172,7 +172,7 @@ def _draw_trip(
 ) -> PedestrianTrip:
     draw = create_generator(spec.seeds.traffic, "walker", number, *([redraws] if redraws else []))
     lane, start_m = starts[int(draw.integers(len(starts)))] if redraws else start
-    # Who has no fraction is drawn first and for everyone, so that fractions move nobody else.
+    # People without a fraction are drawn first, for everyone, so fractions move nobody else.
     usual = [name for name, item in people.items() if item.fraction is None] or list(people)
     name = usual[draw.integers(len(usual))]
     name = draw_by_fraction(people, spec.seeds.traffic, "walker fraction", number) or name
@@ -214,7 +214,7 @@ def _draw_legs(
 def _find_shortest_chains(
     adjacent: Mapping[str, tuple[str, ...]], start: str
 ) -> dict[str, tuple[str, ...]]:
-    """Find the shortest chain of sidewalks from one to each that it is connected with."""
+    """Find the shortest chain of sidewalks from one to every connected one."""
     chains: dict[str, tuple[str, ...]] = {start: (start,)}
     queue = [start]
     for edge in queue:  # breadth first: the list grows while it is read

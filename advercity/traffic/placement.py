@@ -1,4 +1,4 @@
-"""Positions where background traffic may start: lanes of the site in the original's areas."""
+"""Find start positions of background traffic: lanes of the site in the original's areas."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from advercity.roads.network_file import SumoLane
 
 START_GAP_M = 5.0
-"""Gap between the bodies of vehicles that start in one lane, as in the original."""
+"""Gap between the bodies of vehicles starting in one lane, as in the original."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def compute_start_areas(spec: Spec) -> tuple[StartArea, ...]:
 def iterate_start_positions(
     lanes: Iterable[SumoLane], within: Iterable[StartArea], spacing_m: float
 ) -> Iterator[tuple[SumoLane, float]]:
-    """Iterate over positions on the lanes, `spacing_m` apart, that lie in one of the areas."""
+    """Iterate over positions on the lanes, `spacing_m` apart, inside any of the areas."""
     boxes = tuple(within)
     for lane in lanes:
         positions = np.arange(spacing_m / 2, lane.length_m, spacing_m)
@@ -67,7 +67,7 @@ def iterate_start_positions(
 
 @dataclass(frozen=True)
 class LaneOccupancy:
-    """Intervals of lanes that bodies occupy, by lane."""
+    """Occupied intervals of lanes, by lane."""
 
     occupied: dict[str, list[tuple[float, float]]] = field(
         default_factory=dict[str, list[tuple[float, float]]]

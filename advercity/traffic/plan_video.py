@@ -37,7 +37,7 @@ SIGNAL_COLOURS = {
 }
 SIGNAL_SIZE_M = 1.4
 SHOWN_TIME_TO_COLLISION_S = 5.0
-"""Times to collision below this are written on the pictures."""
+"""Time to collision below which it is written on the pictures."""
 
 
 def draw_traffic_pictures(spec: Spec, trace: Trace) -> Iterator[Uint8Array]:

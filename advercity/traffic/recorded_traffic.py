@@ -1,8 +1,8 @@
-"""Traffic of a road with recorded trajectories: they are resampled to ticks, nothing is simulated.
+"""Traffic of a road with recorded trajectories: resampled to ticks, without simulation.
 
-Place and heading are those of the recording; what lies between its samples is a curve whose
-acceleration is continuous. The road gives height and pitch, the lights run their fixed programs,
-and brake lamps follow the deceleration.
+Place and heading are the recording's; between samples, a curve with continuous acceleration
+interpolates them. The road gives height and pitch, the lights run their fixed programs, and brake
+lamps follow the deceleration.
 """
 
 from collections.abc import Callable
@@ -41,7 +41,7 @@ GroundHeight = Callable[[NDArray[np.complex128]], NDArray[np.float64]]
 HEIGHT_SMOOTHING_TICKS = 4
 """Ticks over which a change of the road's slope is spread."""
 TIME_TOLERANCE_S = 1e-6
-"""Tables have microseconds."""
+"""Tables have a resolution of a microsecond."""
 
 
 def build_recorded_trace(spec: Spec, recorded: TrajectorySet, network: Path) -> Trace:
@@ -53,7 +53,7 @@ def build_recorded_trace(spec: Spec, recorded: TrajectorySet, network: Path) -> 
         network: The SUMO network of the road.
 
     Raises:
-        InputError: A connected vehicle is not there all the time, or a class has no blueprint.
+        InputError: A connected vehicle is not present all the time, or a class has no blueprint.
     """
     tick_s = spec.timing.tick_s
     count = int((recorded.to_s - recorded.from_s + TIME_TOLERANCE_S) / tick_s) + 1
@@ -126,7 +126,7 @@ def _cast_background_actor(spec: Spec, track: Track, number: int) -> Actor:
     }
     name = select_blueprint(fitting, track.actor_class, track.size, seed, track.id)
     blueprint = fitting[name]
-    # By its name in the recording, so that it looks the same whatever part of it is taken.
+    # Keyed by its name in the recording, so every part of the recording shows it the same.
     paint = draw_paint(track.actor_class, seed, track.id, paints=blueprint.paints)
     return Actor.from_blueprint(number, name, blueprint, paint)
 
@@ -141,7 +141,7 @@ def _compute_states(
     height: GroundHeight,
     lean: Lean,
 ) -> NDArray[np.void]:
-    """Compute the states (n,) of a track at ticks (n,), of which the times are (n,)."""
+    """Compute the states (n,) of a track at ticks (n,) with times (n,)."""
     resample = partial(interpolate_smoothly, track.times_s, at_s=times_s)
     plan = resample(track.places[:, 0] + 1j * track.places[:, 1])
     yaw = resample(track.headings_rad)
@@ -175,7 +175,7 @@ def _smooth_heights(heights_m: NDArray[np.float64], tick_s: float) -> NDArray[np
 
 
 def build_ground_height(network: Path) -> GroundHeight:
-    """Build a function for the height of the roadway: that of the nearest lane's centre."""
+    """Build a function for the height of the roadway, from the nearest lane's centre."""
     lanes = [
         shapely.LineString(lane.centre)
         for lane in read_network(network).lanes

@@ -1,6 +1,6 @@
 """Write the demand as a SUMO route file.
 
-Every actor has a vehicle type of its own, since SUMO keeps sizes and driving in types.
+Every actor has its own vehicle type, as SUMO keeps sizes and driving in types.
 """
 
 from collections.abc import Mapping
@@ -18,16 +18,16 @@ from advercity.traffic.pedestrians import PedestrianTrip
 
 @dataclass(frozen=True)
 class CarFollowing:
-    """How a class of vehicle drives: Krauss' car-following model.
+    """Driving of a class of vehicles: Krauss' car-following model.
 
-    Each driver has ratios of its own to these values. SUMO's own dawdling depends on all others in
-    a lane, so the drivers' changes of speed are commanded (`DrivingStyle.sway_at`).
+    Each driver has its own ratios to these values. SUMO's own dawdling depends on all others in a
+    lane, so changes of speed are commanded instead (`DrivingStyle.sway_at`).
 
     Attributes:
         sumo_class: SUMO's vehicle class.
         acceleration_m_s2: Maximum acceleration.
         deceleration_m_s2: Maximum braking in everyday traffic.
-        max_emergency_braking_m_s2: Maximum braking that the road permits in an emergency.
+        max_emergency_braking_m_s2: Maximum braking on the road in an emergency.
         headway_s: Time gap to the vehicle ahead; also the driver's reaction time.
         standing_gap_m: Gap to the vehicle ahead at standstill.
         alignment: Lateral position in the lane, in SUMO's words.
@@ -49,18 +49,18 @@ CAR_FOLLOWING: Mapping[ActorClass, CarFollowing] = {
     "bicycle": CarFollowing("bicycle", 1.0, 2.0, standing_gap_m=1.0, alignment="right"),
     "motorcycle": CarFollowing("motorcycle", 2.8, 3.0, standing_gap_m=1.5),
 }
-"""Driving by class; the gap is that at a red light, while the original's 5 m apply at the start."""
+"""Driving by class; the gaps apply at a red light, the original's 5 m at the start."""
 CONNECTED_CAR_FOLLOWING = CarFollowing("passenger", 2.5, 3.0, standing_gap_m=3.0)
 EMERGENCY_EXTRA_M_S2 = 4.0
 """Emergency braking less everyday braking."""
 LATERAL_SPEED_FRACTION = 0.2
 """Maximum lateral speed of a vehicle as a fraction of its speed."""
 UNLIMITED_SPEED_FACTOR = 10.0
-"""Speed factor of a vehicle that only its own top speed limits."""
+"""Speed factor of a vehicle limited only by its own top speed."""
 WALKING_GAP_M = 0.8
-"""Gap to the person ahead, so that bodies that step aside touch no others."""
+"""Gap to the person ahead, large enough for bodies to step aside without contact."""
 STOP_LENGTH_M = 1.0
-"""Length of the part of a lane on which a vehicle that waits at its start is."""
+"""Length of the part of a lane for a vehicle waiting at its start."""
 
 
 def write_route_file(
@@ -84,7 +84,7 @@ def write_route_file(
         _add_vehicle_type(root, trip, apply_style(driving, trip.style))
     for trip in demand.walkers:
         _add_pedestrian_type(root, trip)
-    # SUMO skips actors that depart before the one above them in the file.
+    # SUMO skips actors with an earlier departure than the one above them in the file.
     for trip in sorted((*demand.trips, *demand.walkers), key=lambda trip: trip.depart_s):
         _add_vehicle(root, trip) if isinstance(trip, VehicleTrip) else _add_person(root, trip)
     indent(root)
@@ -92,12 +92,12 @@ def write_route_file(
 
 
 def find_driving(trip: VehicleTrip, *, is_connected: bool = False) -> CarFollowing:
-    """Find how vehicles of its class drive in clear weather."""
+    """Find the driving of a trip's class in clear weather."""
     return CONNECTED_CAR_FOLLOWING if is_connected else CAR_FOLLOWING[trip.actor.actor_class]
 
 
 def apply_driver_response(driving: CarFollowing, caution: DriverResponse | None) -> CarFollowing:
-    """Change driving for weather: longer headways, and no more than the road's grip permits."""
+    """Change driving for weather: longer headways, and accelerations within the road's grip."""
     if caution is None:
         return driving
     return replace(
@@ -127,7 +127,7 @@ def apply_style(driving: CarFollowing, style: DrivingStyle) -> CarFollowing:
 
 
 def compute_limits(trip: VehicleTrip, driving: CarFollowing) -> CarFollowing:
-    """Compute how a vehicle drives with limits of its own, if it has them; all are finite."""
+    """Compute a vehicle's driving with its own limits, if it has them; all are finite."""
     usual = driving.acceleration_m_s2, driving.deceleration_m_s2
     acceleration, braking = trip.acceleration_limits_m_s2 or usual
     hardest = min(braking + EMERGENCY_EXTRA_M_S2, driving.max_emergency_braking_m_s2)
@@ -158,13 +158,13 @@ def _add_vehicle_type(root: Element, trip: VehicleTrip, driving: CarFollowing) -
         minGap=driving.standing_gap_m,
         maxSpeed=trip.top_speed_m_s,
         speedFactor=factor,
-        # No chance: dry runs rely on a second run doing the same, whatever others do.
+        # No chance: dry runs need the same behaviour in a second run, independent of others.
         speedDev=0,
         sigma=0,
         latAlignment=driving.alignment,
         lcMaxSpeedLatStanding=0,
         lcMaxSpeedLatFactor=LATERAL_SPEED_FRACTION,
-        # Only the lane changes that the route needs, and those early.
+        # Only the lane changes of the route, and those early.
         lcStrategic=10,
         lcSpeedGain=0,
         lcKeepRight=0,

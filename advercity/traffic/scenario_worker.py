@@ -1,9 +1,9 @@
-"""The child process that runs the SUMO scenario of somebody else and records it.
+"""The child process that runs and records a SUMO scenario of another author.
 
     python -m advercity.traffic.scenario_worker PARENT OUTPUT FROM_S TO_S OPTIONS...
 
-PARENT is the id of the process that starts it, OUTPUT the JSON file to write. The options of SUMO
-come from `advercity.recordings.sumo_scenario`, which lets no other pass.
+PARENT is the id of the starting process, OUTPUT the JSON file to write. SUMO's options come from
+`advercity.recordings.sumo_scenario`, which lets no others pass.
 """
 
 import json
@@ -18,12 +18,12 @@ from advercity.processes import end_with_parent
 from advercity.traffic.simulation import ERROR_MARK, EXIT_BAD_INPUT
 
 MAX_SAMPLES = 4_000_000
-"""Places of all road users together: an hour of a hundred at 10 Hz."""
+"""Maximum number of places of all road users: an hour of a hundred at 10 Hz."""
 FIXED_OPTIONS = ["--no-step-log", "true", "--no-warnings", "true", "--xml-validation", "never"]
 
 
 def record(options: list[str], from_s: float, to_s: float) -> dict[str, Any]:
-    """Run SUMO from its beginning and record a time.
+    """Run SUMO from its beginning and record from `from_s` to `to_s`.
 
     Returns:
         `vehicles` and `people`: by id, rows of time, east, north and SUMO's angle; `kinds`: class,
@@ -82,7 +82,7 @@ def _record(from_s: float, to_s: float) -> dict[str, Any]:
 
 
 def main(output: str, from_s: str, to_s: str, *options: str) -> None:
-    """Record a scenario and write what was recorded."""
+    """Record a scenario and write the recording."""
     found = record(list(options), float(from_s), float(to_s))
     Path(output).write_text(json.dumps(found), encoding="utf-8")
 

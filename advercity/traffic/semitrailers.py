@@ -12,7 +12,7 @@ from advercity.roads.network_file import SumoLane
 from advercity.traffic.paints import draw_paint
 
 SEMITRAILER_ID_OFFSET = 100_000
-"""What is added to the id of a tractor unit, so that no other actor has it."""
+"""Added to the id of a tractor unit for a unique id."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,9 @@ class TowedTrailer:
         return self.fifth_wheel_m + self.wheelbase_m
 
     def find_start_heading(self, lane: SumoLane, front_m: float) -> float:
-        """Find the heading in rad at which it stands in a lane with the lorry's front at `front_m`.
+        """Find its heading in rad in a lane, with the lorry's front at `front_m`.
 
-        Coupling and axles are then over the middle of the lane, also in a bend.
+        Coupling and axles are over the middle of the lane, also in a bend.
         """
         stations = np.maximum(
             front_m - np.array([self.axles_behind_front_m, self.fifth_wheel_m]), 0
@@ -54,7 +54,7 @@ class TowedTrailer:
 
 
 def build_towed_trailer(spec: Spec, tractor: Actor) -> TowedTrailer | None:
-    """Build the semi-trailer of a tractor unit; None for vehicles that tow nothing.
+    """Build the semi-trailer of a tractor unit; None for other vehicles.
 
     Raises:
         InputError: Its blueprint is not in the spec, or is no semi-trailer.

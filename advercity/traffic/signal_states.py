@@ -1,4 +1,4 @@
-"""What traffic lights show: of the links of an approach, and over a fixed program."""
+"""States of traffic lights: of the links of an approach, and over a fixed program."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -13,14 +13,14 @@ _SIGNALS = {"g": Signal.GREEN, "y": Signal.YELLOW}
 
 
 def combine_links(states: Sequence[str], links: Iterable[tuple[int, int]]) -> Signal:
-    """Return what an approach's light shows: the most permissive state of its links."""
+    """Return the signal of an approach: the most permissive state of its links."""
     return max(_SIGNALS.get(states[light][link].lower(), Signal.RED) for light, link in links)
 
 
 def build_program_states(
     network: Path, times_s: NDArray[np.float64]
 ) -> tuple[tuple[str, ...], NDArray[np.uint8]]:
-    """Build what the lights of a SUMO network show by their fixed programs.
+    """Build the signals of a SUMO network's lights by their fixed programs.
 
     Args:
         network: The network.

@@ -32,18 +32,17 @@ def simulate_in_subprocess(spec: Spec, network: Path) -> Trace:
 def write_simulated_trace(spec: Spec, network: Path, trace_file: Path) -> None:
     """Simulate the traffic of a spec on its road's SUMO network and write its trace in the world.
 
-    It depends on the road, the agents' places, the demand, the blueprints, the timing, the traffic
-    seed and the drivers' response to the weather, and on nothing else; so all weathers of a road
-    and density share it, unless a suite has drivers that react. Where the road has recorded
-    trajectories, they are the traffic, and SUMO does not run.
+    It depends only on the road, the agents' places, the demand, the blueprints, the timing, the
+    traffic seed and the drivers' response to the weather. So all weathers of a road and density
+    share it, unless a suite has drivers that react. Recorded trajectories of a road replace SUMO.
 
     Args:
-        spec: What to simulate.
+        spec: The scenario.
         network: The SUMO network of `spec.road`, in the plan frame.
         trace_file: File to write.
 
     Raises:
-        InputError: The spec asks for something that the road does not have.
+        InputError: The spec needs something that the road lacks.
         StagingError: A conflict cannot be staged.
         RunError: SUMO failed, or the ego does not get to its destination.
     """

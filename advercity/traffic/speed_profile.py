@@ -1,4 +1,4 @@
-"""How fast a vehicle may drive along its route: slower in bends, and braking in time before them.
+"""Limit a vehicle's speed along its route: slower in bends, and braking in time before them.
 
 SUMO's drivers know speed limits but no bends, so `SpeedLimiter` lowers a vehicle's maximum speed
 tick by tick.
@@ -27,7 +27,7 @@ class SpeedProfile:
 
     Attributes:
         edge_starts_m: Station along the route of every edge, internal ones included.
-        edge_lengths_m: Length of the shortest lane of each of those edges.
+        edge_lengths_m: Length of the shortest lane of each edge.
         speeds_m_s: Maximum speed every `BEND_STEP_M` from the start of the first edge.
     """
 
@@ -50,7 +50,7 @@ class SpeedProfile:
     def speed_at(self, station_m: float) -> float:
         """Interpolate the maximum speed at a station along the route."""
         sample = station_m / BEND_STEP_M
-        # Just below the last sample, so that there always is a next one to interpolate towards.
+        # Just below the last sample, to have a next one for interpolation.
         last = len(self.speeds_m_s) - 1.001
         if sample > last:
             sample = last
@@ -106,18 +106,18 @@ def _limit_by_braking(limit: NDArray[np.float64], braking_m_s2: float) -> NDArra
 
 
 LocateVehicle = Callable[[], tuple[str, float]]
-"""Returns the edge that a vehicle is on and its position on it in metres."""
+"""Returns a vehicle's edge and its position on it in metres."""
 
 
 class SpeedLimiter:
     """Keeps one vehicle's maximum speed to the profile of its route.
 
-    SUMO moves a vehicle by exactly speed times tick, so it is located only when it may have left
-    its edge.
+    SUMO moves a vehicle by exactly speed times tick, so it is located only if it may have left its
+    edge.
     """
 
     def __init__(self, profile: SpeedProfile, max_speed_m_s: float, locate: LocateVehicle) -> None:
-        """Limit a vehicle to a profile and to a speed that it never exceeds."""
+        """Limit a vehicle to a profile and to a maximum speed."""
         self._profile = profile
         self._max_speed_m_s = max_speed_m_s
         self._locate = locate
@@ -131,7 +131,7 @@ class SpeedLimiter:
         self._profile, self._max_speed_m_s = profile, max_speed_m_s
 
     def update(self, moved_m: float) -> float | None:
-        """Move the vehicle on and return its new maximum speed; None if that has not changed."""
+        """Move the vehicle on and return its new maximum speed; None if unchanged."""
         self._position_m += moved_m
         if self._position_m >= self._edge_length_m:
             edge, self._position_m = self._locate()

@@ -1,4 +1,4 @@
-"""What is recorded of SUMO at every tick: front bumpers, indicators and traffic lights."""
+"""Record SUMO at every tick: front bumpers, indicators and traffic lights."""
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -16,8 +16,8 @@ INDICATOR_LAMPS = np.array([0, Lamp.RIGHT, Lamp.LEFT, Lamp.RIGHT | Lamp.LEFT], d
 """Lamps by the two lowest bits of SUMO's signals of a vehicle."""
 _INDICATOR_BITS = 3
 INDICATOR_PAUSE_S = 3.0
-"""Time for which an indicator may pause: SUMO's vehicles stop indicating where a turn begins, until
-they are near its end."""
+"""Maximum pause of an indicator: SUMO's vehicles stop indicating at the begin of a turn, until they
+are near its end."""
 _ROW_COLUMNS = ["tick", "id", "x", "y", "z", "yaw", "slope", "speed", "lamps"]
 
 
@@ -74,7 +74,7 @@ class ActorLog:
         vehicles["lamps"] = INDICATOR_LAMPS[vehicles["lamps"]]
         tracks = _split_by_actor(vehicles)
         for track in tracks.values():
-            # SUMO's own acceleration is this difference, so it is not asked for.
+            # SUMO's own acceleration is this difference, so it need not be queried.
             track["acceleration"][1:] = np.diff(track["speed"]) / tick_s
             _bridge_pauses(track["lamps"], round(INDICATOR_PAUSE_S / tick_s))
         return tracks | _split_by_actor(people)
@@ -92,7 +92,7 @@ def _build_rows(records: Sequence[tuple[float, ...]]) -> NDArray[np.void]:
 
 
 def _bridge_pauses(lamps: NDArray[np.uint8], longest: int) -> None:
-    """Switch on lamps that pause for no more ticks than `longest`, in place."""
+    """Switch on lamps in pauses of at most `longest` ticks, in place."""
     for before, after in pairwise(np.flatnonzero(lamps).tolist()):
         if after - before <= longest and lamps[before] == lamps[after]:
             lamps[before:after] = lamps[before]
@@ -105,7 +105,7 @@ def _split_by_actor(rows: NDArray[np.void]) -> dict[int, NDArray[np.void]]:
 
 
 class SignalLog:
-    """What traffic lights show, tick by tick.
+    """States of traffic lights, tick by tick.
 
     Attributes:
         ids: Ids of `SignalLamp`.
@@ -123,13 +123,13 @@ class SignalLog:
         self._states: list[tuple[str, ...]] = []
 
     def record(self) -> None:
-        """Record what all lights show at a tick."""
+        """Record the states of all lights at a tick."""
         query = libsumo.trafficlight.getRedYellowGreenState
         self._states.append(tuple(query(light) for light in self._lights))
 
     def build_states(self) -> NDArray[np.uint8]:
         """Build an array (ticks, signals) of `Signal`."""
-        # The lights show few different states in all, so each is decoded once.
+        # The lights have few different states in all, so each is decoded once.
         decoded = {
             states: [combine_links(states, links) for links in self._links]
             for states in {*self._states}

@@ -1,4 +1,4 @@
-"""What SUMO's actors did, front bumpers as it has them, and the trace of bodies made of it."""
+"""A recording of SUMO's actors by their front bumpers, and its trace of bodies."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -29,7 +29,7 @@ class SumoRecording:
         tracks: `FRONT_DTYPE` rows by actor, sorted by tick.
         signal_ids: Ids of `SignalLamp`.
         signals: (ticks, signals) uint8 of `Signal`.
-        bodies: `STATE_DTYPE` rows by actor, of those whose bodies were computed before.
+        bodies: `STATE_DTYPE` rows by actor, for bodies computed before.
         arrived: Connected vehicles whose arrival ended the run; none if time was up.
     """
 
@@ -62,7 +62,7 @@ def build_trace(
     actors: list[Actor] = []
     states: list[NDArray[np.void]] = []
     for number, rows in sorted(recording.bodies.items()):
-        # Cut off the warm-up only now: axles roll and people turn on what they did before.
+        # Cut off the warm-up only now: axles and people's turns depend on earlier ticks.
         rows = rows[rows["tick"] >= first_tick]
         if len(rows) > 0:
             rows["tick"] -= first_tick
@@ -85,7 +85,7 @@ def build_trace(
 def _compute_bodies(
     spec: Spec, demand: TrafficDemand, recording: SumoRecording, actors: Mapping[int, Actor]
 ) -> None:
-    """Add the bodies that a recording lacks: traces of several first ticks have the same."""
+    """Add the missing bodies of a recording; traces from several first ticks share them."""
     kerb_height, lean = build_kerb_height(spec.road), build_lean(spec.road, spec.timing.tick_s)
     speeds = {trip.actor.id: trip.speed_m_s for trip in demand.walkers}
     lorries = {trip.actor.id: trip for trip in demand.vehicles if trip.trailer}

@@ -1,6 +1,6 @@
 """One run of SUMO: drive a demand tick by tick and record it.
 
-This module and `sumo_observation` are the only ones that talk to libsumo.
+Only this module and `sumo_observation` talk to libsumo.
 """
 
 import math
@@ -29,10 +29,10 @@ from advercity.traffic.sumo_recording import SumoRecording
 LATERAL_RESOLUTION_M = 0.8
 STRIPE_WIDTH_M = 0.9
 """Width of the stripes in which people walk: the widest have a pram or a dog with them."""
-# Bits of SUMO's speed mode. Default obeys everything. A commanded vehicle still minds its leader,
-# but neither lights nor right of way; one that passes a cyclist in the other lane does not mind
-# its leader either, since SUMO keeps both in one lane.
-# An ego that reacts brakes harder than SUMO's driver would; one that does not minds no leader.
+# Bits of SUMO's speed mode. The default obeys everything. A commanded vehicle minds its leader, but
+# neither lights nor right of way. A vehicle passing a cyclist in the other lane does not mind its
+# leader either, since SUMO keeps both in one lane.
+# A reacting ego brakes harder than SUMO's driver would; a colliding one minds no leader.
 _SPEED_MODE_DEFAULT, _SPEED_MODE_COMMANDED, _SPEED_MODE_PASSING = 31, 39, 38
 _SPEED_MODE_BRAKING, _SPEED_MODE_COLLIDING = 35, 34
 
@@ -55,10 +55,9 @@ def run_sumo(
         graph: Lanes of the road.
         network: The same road as a SUMO network.
         routes: The demand as a SUMO route file.
-        speed_commands: Speed at every tick of staged vehicles, and of an ego that reacts to them;
-            NaN leaves it to SUMO's driver, and
-            the last value holds on.
-        ends_with_ego: Whether others that arrive drive on, until the ego arrives too.
+        speed_commands: Speed at every tick of staged vehicles, and of a reacting ego; NaN leaves
+            it to SUMO's driver, and the last value holds on.
+        ends_with_ego: Whether other arriving vehicles drive on, until the ego arrives too.
 
     Raises:
         RunError: SUMO failed, or a vehicle could not start or arrive as declared.
@@ -86,7 +85,7 @@ def _build_options(spec: Spec, network: Path, routes: Path, log: Path) -> list[s
         "seed": spec.seeds.traffic % 2**31,
         "step-length": spec.timing.tick_s,
         "lateral-resolution": LATERAL_RESOLUTION_M,
-        # A vehicle that is stuck must not jump elsewhere, nor vanish when it touches another.
+        # A stuck vehicle must not jump elsewhere, nor vanish when it touches another.
         "time-to-teleport": -1,
         "collision.action": "warn",
         "pedestrian.striping.dawdling": 0,
@@ -98,7 +97,7 @@ def _build_options(spec: Spec, network: Path, routes: Path, log: Path) -> list[s
 
 
 class _SumoRun:
-    """The state of one run: SUMO's own is global to the process, this is what we add to it."""
+    """Our state of one run; SUMO's own state is global to the process."""
 
     def __init__(
         self,
@@ -183,7 +182,7 @@ class _SumoRun:
     def _has_arrived(self, agent: Agent, place: Vehicle, present: Container[str]) -> bool:
         """Return whether a vehicle's centre is near its destination, or the vehicle is gone.
 
-        All connected vehicles take part in every frame, so one that has left the site ends the
+        All connected vehicles take part in every frame, so a vehicle off the site ends the
         scenario, too.
         """
         name = str(agent.number)
@@ -196,13 +195,13 @@ class _SumoRun:
         front = libsumo.vehicle.getPosition3D(name)
         heading = math.radians(90 - libsumo.vehicle.getAngle(name))
         half_m, box_m = self._lengths_m[agent.number] / 2, self._spec.timing.destination_box_m
-        # In this order: the sum in another one differs in the last bit, and so might the last tick.
+        # Keep this order: another one changes the last bit of the sum, and maybe the last tick.
         east_m = front[0] - place.destination_m[0] - half_m * math.cos(heading)
         north_m = front[1] - place.destination_m[1] - half_m * math.sin(heading)
         return abs(east_m) <= box_m and abs(north_m) <= box_m
 
     def _apply_speed_commands(self, tick: int) -> None:
-        """Have vehicles drive as scheduled, red lights or not; NaN leaves them to SUMO."""
+        """Command scheduled speeds, red lights or not; NaN leaves vehicles to SUMO."""
         present = libsumo.vehicle.getIDList()
         for name, speeds in self._speed_commands.items():
             if name in present:
@@ -213,7 +212,7 @@ class _SumoRun:
                 libsumo.vehicle.setSpeed(name, -1 if free else speed)
 
     def _apply_driver_response(self, response: DriverResponse) -> None:
-        """Have all but staged vehicles drive by a new response to the weather, from now on."""
+        """Apply a new response to the weather to all but staged vehicles, from now on."""
         present = set(libsumo.vehicle.getIDList())
         for trip in (*self._demand.connected, *self._demand.vehicles):
             name = str(trip.actor.id)
@@ -221,7 +220,7 @@ class _SumoRun:
             driving = find_driving(trip, is_connected=trip in self._demand.connected)
             driving = apply_style(apply_driver_response(driving, response), trip.style)
             limits = compute_limits(trip, driving)
-            # SUMO gives vehicles whose speed is limited types of their own.
+            # SUMO gives each vehicle with a changed limit a type of its own.
             for domain in (libsumo.vehicletype, *([libsumo.vehicle] if name in present else [])):
                 domain.setAccel(name, limits.acceleration_m_s2)
                 domain.setDecel(name, limits.deceleration_m_s2)
@@ -233,14 +232,14 @@ class _SumoRun:
             self._limiters[name].change(profile, slowed.top_speed_m_s)
 
     def _ignore_junction_foes(self) -> None:
-        """Have connected and staged vehicles not give way to each other inside junctions."""
+        """Make connected and staged vehicles not give way to each other inside junctions."""
         connected = [str(trip.actor.id) for trip in self._demand.connected]
         for names, others in ((connected, self._staged), (self._staged, connected)):
             for name in names:
                 libsumo.vehicle.setParameter(name, "junctionModel.ignoreIDs", " ".join(others))
 
     def _ignore_followers(self, vehicles: Container[str]) -> None:
-        """Have the ego not wait for vehicles behind a staged one, in front of which it turns."""
+        """Make the ego ignore vehicles behind a staged one, in front of which it turns."""
         behind: set[str] = set()
         for name in self._staged:
             if name in vehicles:
@@ -262,7 +261,7 @@ class _SumoRun:
                 )
 
     def _sway_speeds(self, vehicles: Sequence[str], tick: int) -> None:
-        """Let drivers want to be a little faster or slower at each moment."""
+        """Vary each driver's desired speed a little over time."""
         for name in vehicles:
             trip = self._swaying.get(name)
             if trip is not None and trip.speed_factor is not None:

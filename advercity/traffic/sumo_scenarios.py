@@ -1,4 +1,4 @@
-"""Recordings of SUMO scenarios of others: they are run once, in a child process, and watched."""
+"""Run SUMO scenarios of other authors once, in a child process, and record them."""
 
 import os
 import re
@@ -24,10 +24,10 @@ from advercity.recordings.tracks import MAX_GAP_S, MAX_SIZE_M, MAX_SPEED_M_S, Tr
 from advercity.traffic.simulation import ERROR_MARK, EXIT_BAD_INPUT
 
 RECORDED_S = 300.0
-"""What is recorded of a scenario if its end is not given."""
+"""Recorded time of a scenario without a given end."""
 TIMEOUT_S = 1800
 MAX_NAME_LENGTH = 50
-"""Ids of tracks have at most 64 characters, which leaves room for numbers."""
+"""Maximum length of a name in a track's id of at most 64 characters; the rest is for numbers."""
 _CLASS_NAMES: dict[ActorClass, str] = {
     "car": "passenger private taxi hov evehicle vip authority army ignoring custom1 custom2",
     "van": "delivery emergency",
@@ -38,7 +38,7 @@ _CLASS_NAMES: dict[ActorClass, str] = {
 CLASSES: dict[str, ActorClass] = {
     name: kind for kind, names in _CLASS_NAMES.items() for name in names.split()
 }
-"""Classes by SUMO's; rails and ships are none."""
+"""Classes by SUMO's; rails and ships have none."""
 
 
 def load_sumo_scenario(
@@ -48,7 +48,7 @@ def load_sumo_scenario(
 
     Args:
         path: SUMO configuration (`*.sumocfg`).
-        work: Folder for its network, which must last as long as the recording is used.
+        work: Folder for its network; keep it as long as you use the recording.
         from_s: Begin of the time to record; None is the begin of the simulation.
         to_s: End of it; None is `RECORDED_S` later.
 
@@ -137,15 +137,15 @@ def _split_track(
     taken: set[str],
     ledger: Ledger,
 ) -> Iterator[Track]:
-    """Build the tracks of one road user: one that SUMO moves elsewhere continues as another.
+    """Build the tracks of one road user; after a jump it continues as another.
 
     Args:
         name: SUMO's id.
         actor_class: Class.
         size: Length, width and height in metres.
-        rows: Times, places and angles as SUMO has them.
+        rows: Times, places and angles in SUMO's form.
         ahead_m: Distance of those places from the middle of the box.
-        taken: Ids that are in use.
+        taken: Used ids.
         ledger: Where to record parts that are too short.
     """
     table = np.array(rows, dtype=np.float64)
@@ -180,7 +180,7 @@ def _find_runs(times_s: NDArray[np.float64], places: NDArray[np.float64]) -> Ite
 
 
 def _make_id(name: str, taken: set[str]) -> str:
-    """Make an id that a table may have, and that nobody else has."""
+    """Make a unique id of permitted characters."""
     plain = re.sub(r"[^A-Za-z0-9_.:-]", "_", name)[:MAX_NAME_LENGTH]
     found, number = plain, 1
     while found in taken:

@@ -2,8 +2,8 @@
 
     python -m advercity.traffic.sumo_worker PARENT SPEC NETWORK TRACE
 
-PARENT is the id of the process that starts it. SUMO keeps one simulation per process and may end
-the process it runs in, so it gets its own.
+PARENT is the id of the starting process. SUMO keeps one simulation per process and may end its
+process, so it gets its own.
 """
 
 import sys

@@ -24,28 +24,28 @@ from advercity.traffic.semitrailers import TowedTrailer
 DRIVING_SMOOTHING_TICKS = 14
 """Ticks over which vehicles change their acceleration.
 
-Jerk along the path then stays below 4 m/s³ between the usual extremes of acceleration and braking,
-2.5 and -3 m/s². With up to 3 m/s³ across it, as in a turn, it stays below 5."""
+Between the usual extremes of acceleration and braking, 2.5 and -3 m/s², jerk along the path stays
+below 4 m/s³. With up to 3 m/s³ across it, as in a turn, it stays below 5."""
 EMERGENCY_SMOOTHING_TICKS = 6
-"""Ticks over which vehicles change what an emergency adds to that; jerk stays below 20 m/s³."""
+"""Ticks over which vehicles change the emergency part of it; jerk stays below 20 m/s³."""
 
 
 EMERGENCY_M_S2 = 3.1
-"""Change of speed that only an emergency calls for."""
+"""Minimum change of speed of an emergency."""
 
 
 @dataclass(frozen=True, eq=False)
 class _PulledBody:
-    """A body that is pulled at a point, while its axle behind that rolls and never slides.
+    """A body pulled at a point; its axle behind the point rolls and never slides.
 
-    Its direction u turns at the rate r with u' = i r u, where r is the part of the velocity across
-    u at the point, over the wheelbase.
+    Its direction u turns at the rate r with u' = i r u, where r is the part of the point's velocity
+    across u, over the wheelbase.
 
     Attributes:
         pull: (3, n) place of the point in the plan, velocity and acceleration.
         directions: (n,) unit vectors ahead.
         pull_z: (3, n) height of the ground under the point, with derivatives.
-        axle_z: (3, n) the same under the axle.
+        axle_z: (3, n) height of the ground under the axle, with derivatives.
         wheelbase_m: Distance of the axle behind the point.
     """
 
@@ -64,7 +64,7 @@ class _PulledBody:
         return rates, (_across(self.directions, acceleration) - along) / self.wheelbase_m
 
     def locate_behind(self, back_m: float) -> NDArray[np.complex128]:
-        """Compute the motion (3, n) in the plan of a point behind the one that is pulled."""
+        """Compute the motion (3, n) in the plan of a point behind the pulled one."""
         (rates, turns), arm = self.turning, back_m * self.directions
         return self.pull - np.stack([arm, 1j * rates * arm, (1j * turns - rates**2) * arm])
 
@@ -91,7 +91,7 @@ class _PulledBody:
         return (self.pull_z - self.axle_z) / self.wheelbase_m
 
     def compute_motion(self, plan: NDArray[np.complex128], back_m: float) -> BodyCurves:
-        """Compute the motion of the body from that of its origin (3, n), which is there."""
+        """Compute the motion of the body from its origin's (3, n), `back_m` behind the point."""
         climb, climb_rate, _ = self._climb
         return BodyCurves(
             plan=plan,
@@ -112,9 +112,9 @@ def compute_vehicle_states(
     """Compute the states of one vehicle from its fronts, both sorted by tick.
 
     The front axle follows the path of the front bumper and pulls the rear axle behind it, which
-    rolls and never slides (a tractrix): so the body cuts corners as real ones do. An axle is as
-    high as the front was when it passed there; before the first tick the lane is extended at its
-    slope. Brake lamps are lit while the vehicle slows down and while it is held at standstill.
+    rolls and never slides (a tractrix): so the body cuts corners as real ones do. An axle has the
+    height of the front when it passed there; before the first tick the lane continues at its slope.
+    Brake lamps are lit while the vehicle slows down and while it is held at standstill.
 
     Args:
         track: (n,) of `FRONT_DTYPE`; of yaw and slope only the first row counts.
@@ -143,7 +143,7 @@ def compute_lorry_states(
     The tractor unit moves as other vehicles do. At its fifth wheel it pulls the kingpin of the
     semi-trailer, whose axles roll and never slide (a tractrix): its yaw changes at v/L sin(b) with
     the speed v of the kingpin, the wheelbase L and the angle b from the semi-trailer to that speed.
-    The lamps of both are the same.
+    Both have the same lamps.
 
     Args:
         track: (n,) of `FRONT_DTYPE`; of yaw and slope only the first row counts.
@@ -161,7 +161,7 @@ def compute_lorry_states(
     coupling = tractor.compute_arm(length_m / 2 - trailer.fifth_wheel_m)
     pull = tractor.locate_behind(wheelbase_m / 2) + coupling
     _, velocity, acceleration = pull
-    # The cubic that has the velocities and accelerations of both ticks.
+    # The cubic with the velocities and accelerations of both ticks.
     middles = (velocity[:-1] + velocity[1:]) / 2 - tick_s / 8 * np.diff(acceleration)
     towed = _PulledBody(
         pull=pull,
@@ -179,7 +179,7 @@ def compute_lorry_states(
 
 
 def _measure_axles(length_m: float) -> tuple[float, float]:
-    """Measure how far a vehicle's front axle is behind its front, and its rear axle behind that."""
+    """Measure the distances from the front to the front axle, and from there to the rear axle."""
     wheelbase_m = WHEELBASE_FRACTION * length_m
     return (length_m - wheelbase_m) / 2, wheelbase_m
 
@@ -187,7 +187,7 @@ def _measure_axles(length_m: float) -> tuple[float, float]:
 def _build_vehicle_states(
     track: NDArray[np.void], body: _PulledBody, lean: Lean
 ) -> NDArray[np.void]:
-    """Build the states of a vehicle, whose origin is between its axles."""
+    """Build the states of a vehicle; its origin is between its axles."""
     middle_m = body.wheelbase_m / 2
     motion = lean(body.compute_motion(body.locate_behind(middle_m), middle_m))
     states = build_states(track["tick"], track["lamps"], motion)
@@ -239,10 +239,10 @@ def _pull_vehicle(
 
 
 def _find_emergency_gains(speed: NDArray[np.float64], tick_s: float) -> NDArray[np.float64]:
-    """Find by how much (n,) the step after a tick exceeds the one before as only in emergencies.
+    """Find the part (n,) of each tick's change of step that occurs only in emergencies.
 
-    SUMO's drivers in doubt brake hard for single ticks and accelerate in between. An emergency is
-    what still exceeds the usual where it is smoothed as one.
+    SUMO's drivers in doubt brake hard for single ticks and accelerate in between. An emergency
+    exceeds the usual even after smoothing.
     """
     gains = np.diff(speed, append=speed[-1]) * tick_s
     usual = EMERGENCY_M_S2 * tick_s**2
@@ -256,7 +256,7 @@ def _find_emergency_gains(speed: NDArray[np.float64], tick_s: float) -> NDArray[
 def _smooth_driving(
     samples: Values, tick_s: float, gains: NDArray[np.float64], first_step: complex
 ) -> MotionSpline:
-    """Smooth values (n,) that go on beyond the last tick as they did before it.
+    """Smooth values (n,), continued beyond the last tick with the last step.
 
     Emergencies (`gains`) are smoothed less, in the direction of the motion.
     """
@@ -280,7 +280,7 @@ def _smooth_driving(
 def _follow_targets(
     targets: NDArray[np.complex128], max_step: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """Compute positions (n,) that follow the targets by steps of `max_step` (n,) at most."""
+    """Compute positions (n,) following the targets by steps of at most `max_step` (n,)."""
     position = complex(targets[0])
     path: list[complex] = []
     for target, limit in zip(targets.tolist(), max_step.tolist(), strict=True):
@@ -295,7 +295,7 @@ def _interpolate_behind(
 ) -> NDArray[np.complex128]:
     """Interpolate values (n,) `back_m` behind each station (n,).
 
-    `before` is the value `back_m` before the first station, which the path does not include.
+    `before` is the value `back_m` before the first station, not included in the path.
     """
     stations, known = np.concatenate([[-back_m], along]), np.concatenate([[before], values])
     return np.asarray(np.interp(along - back_m, stations, known), dtype=np.complex128)
@@ -322,10 +322,10 @@ def _compute_tractrix_directions(
     wheelbase_m: float,
     first: complex,
 ) -> NDArray[np.complex128]:
-    """Compute the directions (n,) of a body that is pulled, with an axle behind (a tractrix).
+    """Compute the directions (n,) of a pulled body with an axle behind (a tractrix).
 
-    Velocities are those of the pulled point at ticks (n,) and in the middle between them (n - 1,).
-    Each tick is a step of Runge and Kutta's method of the fourth order.
+    Velocities are the pulled point's at ticks (n,) and in the middle between them (n - 1,). Each
+    tick is a step of Runge and Kutta's method of the fourth order.
     """
 
     def turn(direction: complex, velocity: complex) -> complex:
@@ -339,7 +339,7 @@ def _compute_tractrix_directions(
         three = turn(direction + step / 2 * two, middle)
         four = turn(direction + step * three, end)
         change = step / 6 * (one + 2 * two + 2 * three + four)
-        if change:  # one at rest does not turn, not even by rounding
+        if change:  # at rest a body does not turn, not even by rounding
             direction += change
             direction /= abs(direction)
         directions.append(direction)

@@ -19,20 +19,21 @@ KerbHeight = Callable[[NDArray[np.complex128]], NDArray[np.float64]]
 WALKING_SMOOTHING_TICKS = 14
 """Ticks over which people turn, set out and stop.
 
-A half turn takes 1.7 s, at 129 degrees/s at most; one by 90 degrees is half as fast. In daily life
-healthy people turn at 43 degrees/s on average (Mancini et al., NeuroRehabilitation 37, 2015)."""
+A half turn takes 1.7 s, at 129 degrees/s at most; a turn by 90 degrees is half as fast. In daily
+life healthy people turn at 43 degrees/s on average (Mancini et al., NeuroRehabilitation 37, 2015).
+"""
 STAGED_WALKING_SMOOTHING_TICKS = 8
-"""Ticks over which staged people do: they stop short of vehicles."""
+"""Ticks for staged people, who stop short of vehicles."""
 MAX_SIDESTEP_FRACTION = 0.5
-"""What SUMO's people step sideways as a fraction of a step; more is a hop."""
+"""Maximum sideways step of SUMO's people as a fraction of a step; more is a hop."""
 MAX_SLOWING_FRACTION = 0.6
-"""Part of its speed by which a person slows down who is ahead of its place in SUMO."""
+"""Fraction of its speed by which a person ahead of its place in SUMO slows down."""
 CATCH_UP_TIME_S = 0.3
 """Time constant with which a person returns to its place in SUMO."""
 MIN_CATCH_UP_FRACTION = 0.1
-"""Least speed of that as a fraction of the walking speed, so that it comes to an end."""
+"""Minimum speed of the return as a fraction of the walking speed, so it comes to an end."""
 MIN_HEADING_SPEED_M_S = 0.3
-"""Below this speed a person keeps its heading."""
+"""Speed below which a person keeps its heading."""
 
 
 def compute_walker_states(
@@ -46,7 +47,7 @@ def compute_walker_states(
 ) -> NDArray[np.void]:
     """Compute the states of one person, who stays upright and faces the walking direction.
 
-    Half of a turn happens before the path turns, since people look where they will go.
+    Half of a turn happens before the path turns, since people look ahead.
 
     Args:
         track: (n,) of `FRONT_DTYPE`, sorted by tick.
@@ -61,7 +62,7 @@ def compute_walker_states(
     """
     path = _walk_after(track, length_m, speed_m_s, tick_s)
     smooth = partial(MotionSpline.from_samples, tick_s=tick_s, ticks=smoothing_ticks)
-    # People who walk at either end of their track have walked before and walk on.
+    # People walking at either end of their track have walked before and walk on.
     steps = np.diff(path, prepend=path[0])
     plan = smooth(path, first_step=steps[:2][-1], last_step=steps[-1])
     height = smooth(_find_heights_along(path, track) + kerb_height(plan.values))
@@ -74,11 +75,11 @@ def compute_walker_states(
 def _walk_after(
     track: NDArray[np.void], length_m: float, speed_m_s: float, tick_s: float
 ) -> NDArray[np.complex128]:
-    """Compute the centres (n,) of a person who walks as SUMO's does, and does not hop.
+    """Compute the centres (n,) of a person who walks as SUMO's does, without hops.
 
-    Where SUMO's person hops, this one goes there, unless it is ahead: then it lets the other come.
+    When SUMO's person hops, this one follows, or if it is ahead, lets the other come.
     """
-    # SUMO turns people who wait hither and thither.
+    # SUMO turns waiting people hither and thither.
     walks = np.maximum.accumulate(np.where(track["speed"] > 0, np.arange(len(track)), 0))
     ahead = compute_directions(track["yaw"][walks])
     targets = track["x"] + 1j * track["y"] - length_m / 2 * ahead
@@ -104,7 +105,7 @@ def _walk_after(
 def _find_heights_along(
     path: NDArray[np.complex128], track: NDArray[np.void]
 ) -> NDArray[np.float64]:
-    """Find the heights (n,) of SUMO's lanes at a path (n,), which is behind its front or ahead."""
+    """Find the heights (n,) of SUMO's lanes at a path (n,) behind or ahead of its front."""
     fronts = track["x"] + 1j * track["y"]
     stations = np.cumsum(compute_lengths(np.diff(fronts, prepend=fronts[0])))
     ahead_m = ((path - fronts) * compute_directions(-track["yaw"])).real
@@ -114,7 +115,7 @@ def _find_heights_along(
 def _find_walking_headings(
     path: NDArray[np.complex128], track: NDArray[np.void], tick_s: float
 ) -> NDArray[np.float64]:
-    """Find the headings (n,) of a path (n,); one at rest or stepping aside keeps the last."""
+    """Find the headings (n,) of a path (n,); at rest and in side steps the last one is kept."""
     moves = np.diff(path, prepend=path[0])
     walks = (compute_lengths(moves) > MIN_HEADING_SPEED_M_S * tick_s) & (track["speed"] > 0)
     return np.unwrap(np.concatenate([track["yaw"][:1], compute_headings(moves[walks])]))[

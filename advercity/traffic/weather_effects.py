@@ -1,6 +1,6 @@
-"""What the weather changes in a frame: lamps that it calls for, and umbrellas.
+"""Effects of the weather on a frame's actors: lamps and umbrellas.
 
-The trace holds what drivers do, so that all weathers share it; these functions add the rest.
+All weathers share the trace with the drivers' actions; these functions add the rest.
 """
 
 import math
@@ -18,16 +18,15 @@ from advercity.physics.extinction import compute_extinction
 from advercity.randomness import create_generator
 
 INDICATOR_FREQUENCY_HZ = 1.5
-"""UN R48 asks for 90 +- 30 flashes a minute."""
+"""UN R48: 90 +- 30 flashes a minute."""
 _INDICATORS = Lamp.LEFT | Lamp.RIGHT
 
 
 def apply_lamp_state(frame: Frame, lamps: Lamps) -> Frame:
-    """Light low beams and fog lamps as the weather calls for, and let indicators blink.
+    """Light low beams and fog lamps by the weather, and let indicators blink.
 
-    In the trace an indicator is switched on; here it is lit for half of the time, with a phase of
-    its own for each vehicle. Two-wheelers have no fog lamps, bicycles no indicators, people no
-    lamps.
+    In the trace an indicator is switched on; here it is lit for half of the time, each vehicle's
+    with its own phase. Two-wheelers have no fog lamps, bicycles no indicators, people no lamps.
     """
     states = tuple(_apply_lamps(state, lamps, frame.time_s) for state in frame.states)
     return replace(frame, states=states)
@@ -51,12 +50,12 @@ def _apply_lamps(state: ActorState, lamps: Lamps, time_s: float) -> ActorState:
 def fit_led_headlamps(
     frame: Frame, fraction: float, blueprints: Mapping[str, Blueprint], *, seed: int
 ) -> Frame:
-    """Fit headlamps of LEDs to the motor vehicles that have them; the same ones in every frame.
+    """Fit LED headlamps to a fraction of the motor vehicles; the same ones in every frame.
 
     Args:
         frame: With halogen headlamps.
-        fraction: Fraction of the vehicles whose blueprint does not say what they have.
-        blueprints: By name; vehicles of others count as if theirs did not say.
+        fraction: Fraction of the vehicles whose blueprint declares no headlamps.
+        blueprints: By name; vehicles with other blueprints count as undeclared.
         seed: Seed of the traffic.
     """
 
@@ -74,19 +73,19 @@ def fit_led_headlamps(
 
 
 MIN_HIGH_BEAM_VISIBILITY_M = 1000.0
-"""Less is fog by definition of the WMO, in which high beams dazzle their own drivers."""
+"""Below it is fog by definition of the WMO, in which high beams dazzle their own drivers."""
 MAX_UNLIT_LX = 2.0
-"""Street lighting above this is of a class of EN 13201, P6 at least."""
+"""Above it street lighting has a class of EN 13201, at least P6."""
 MIN_HIGH_BEAM_SPEED_M_S = 30.0 / 3.6
 """Speed below which vehicles wait or turn, and dip; an engineering value."""
 DIP_FOR_ONCOMING_M, DIP_BEHIND_M = 152.4, 91.4
-"""500 and 300 feet, within which the California Vehicle Code (24409) has drivers dip."""
+"""500 and 300 feet: drivers dip within them by the California Vehicle Code (24409)."""
 BEAM_HALF_ANGLE_RAD = math.radians(30.0)
-"""Angle off the heading up to which others are dazzled; an engineering value."""
+"""Maximum angle off the heading at which others are dazzled; an engineering value."""
 
 
 def may_use_high_beams(weather: Weather, land_use: Literal["urban", "rural"]) -> bool:
-    """Whether drivers may use high beams when nobody is ahead: an unlit road on a clear night."""
+    """Return whether high beams are permitted with nobody ahead: unlit roads on clear nights."""
     return (
         weather.time == "night"
         and weather.lamps.low_beam
@@ -96,10 +95,10 @@ def may_use_high_beams(weather: Weather, land_use: Literal["urban", "rural"]) ->
 
 
 def light_high_beams(frame: Frame, fraction: float, *, seed: int) -> Frame:
-    """Light the high beams of moving vehicles that dazzle nobody ahead.
+    """Light the high beams of moving vehicles with nobody to dazzle ahead.
 
-    The rule is that of `DIP_FOR_ONCOMING_M` and `DIP_BEHIND_M`, for all vehicles and bicycles
-    ahead; crossing ones count as oncoming. The same drivers use them in every frame.
+    The limits are `DIP_FOR_ONCOMING_M` and `DIP_BEHIND_M`, for all vehicles and bicycles ahead;
+    crossing ones count as oncoming. The same drivers use them in every frame.
 
     Args:
         frame: With low beams.
@@ -140,7 +139,7 @@ HALF_UMBRELLAS_MM_H = 1.5
 def raise_umbrellas(frame: Frame, rain_mm_h: float, *, seed: int) -> Frame:
     """Raise umbrellas, the more of them the harder it rains.
 
-    A person that raises one in some rain also does so in harder rain.
+    A person with a raised umbrella in some rain also has it up in harder rain.
 
     Args:
         frame: Without umbrellas.
@@ -160,5 +159,5 @@ def raise_umbrellas(frame: Frame, rain_mm_h: float, *, seed: int) -> Frame:
 
 
 def _draw_threshold(seed: int, what: str, actor_id: int) -> float:
-    """Draw the fraction of umbrellas, high beams or LEDs from which on an actor has one."""
+    """Draw the fraction of umbrellas, high beams or LEDs at which an actor gets one."""
     return float(create_generator(seed, what, actor_id).random())
