@@ -1,4 +1,4 @@
-"""The fact table behind statistics: every annotated object of every frame, once."""
+"""Collect the fact table of statistics: every annotated object of every frame, once."""
 
 import os
 from concurrent.futures import ProcessPoolExecutor
@@ -44,14 +44,14 @@ OBJECT_FACT = np.dtype(
 )
 """An object in a frame, once however many agents annotate it.
 
-Fields that begin with `ego` are NaN where the ego does not annotate it; `ego_detections`, of its
-radars, also where it has none. `visible_fraction` is the maximum over all agents.
+Fields with the prefix `ego` are NaN if the ego does not annotate the object; `ego_detections`, of
+its radars, also without a radar. `visible_fraction` is the maximum over all agents.
 """
 _NOT_BY_EGO = (np.nan,) * 5
 NUM_POINT_KINDS = 256
 """Point kinds are bytes; other distributions have their own."""
 UNKNOWN_LABEL = "unknown"
-"""Road, density and weather of scenarios that do not say them."""
+"""Road, density and weather of scenarios that do not state them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +59,10 @@ class ScenarioFacts:
     """Facts of one scenario.
 
     Attributes:
-        road: Id of the road; `unknown` of a folder of others, as density and weather.
+        road: Id of the road; `unknown` in other datasets, as density and weather.
         density: Id of the density.
         weather: Id of the weather.
-        weathers: (frames,) weather of each frame in physical quantities; empty if it is unknown.
+        weathers: (frames,) weather of each frame in physical quantities; empty if unknown.
         objects: (n,) of `OBJECT_FACT`, without parked cars.
         parked: (m,) of `OBJECT_FACT`, the parked cars.
         num_annotations: (frames,) number of `objects`.
@@ -93,18 +93,18 @@ class ScenarioFacts:
 
 
 def collect_dataset_facts(dataset: Path, layout: str | None = None) -> list[ScenarioFacts]:
-    """Collect the facts of every scenario that has frames, scenarios in parallel processes.
+    """Collect the facts of every scenario with frames, in parallel processes.
 
     Args:
         dataset: The folder.
-        layout: Layout of a folder of others, as of `open_dataset`.
+        layout: Layout of a folder in another format, as for `open_dataset`.
 
     Raises:
         InputError: There is no dataset, it has no frames, or a file of it cannot be read.
-        RunError: A process that reads it cannot start, or was ended.
+        RunError: A reading process cannot start, or was ended.
     """
     scenarios = open_scenarios(dataset, layout)
-    # Forking a process that has threads, as OpenCV starts them, may deadlock.
+    # Forking a process with threads, as OpenCV starts them, may deadlock.
     try:
         with ProcessPoolExecutor(
             mp_context=get_context("spawn"), initializer=end_with_parent, initargs=(os.getpid(),)
@@ -146,7 +146,7 @@ def _list_weathers(scenario: Scenario) -> tuple[WeatherTruth, ...]:
 
 
 class _FrameFacts(NamedTuple):
-    """Facts of a frame, as `ScenarioFacts` has them of all."""
+    """Facts of one frame, with the fields of `ScenarioFacts`."""
 
     objects: NDArray[np.void]
     parked: NDArray[np.void]
@@ -157,7 +157,7 @@ class _FrameFacts(NamedTuple):
 
 
 def _collect_frame_facts(frame: FrameView) -> _FrameFacts:
-    # The ego first: of an object that several agents annotate, its row is kept.
+    # The ego first: the first row of an object is kept.
     views = sorted(frame.views.values(), key=lambda view: not view.is_ego)
     vehicles = [view for view in views if not view.is_roadside_unit]
     connected = {view.number for view in vehicles}

@@ -1,8 +1,8 @@
-"""Statistics of a dataset as tables: those of Adver-City with corrected definitions, and more.
+"""Tabulate statistics of a dataset: Adver-City's with corrected definitions, and more.
 
 An object counts once per frame in all tables, however many agents annotate it. Connected vehicles
-are objects where others annotate them, but not traffic. Vehicles and pedestrians of a scenario are
-those that were annotated, not those asked for; of a lorry, tractor unit and semi-trailer count.
+count as objects if others annotate them, but not as traffic. Vehicles and pedestrians of a scenario
+are the annotated ones, not those asked for; a lorry counts as tractor unit and as semi-trailer.
 Parked cars have a column and classes of their own, and are in no other table. Bearings are
 directions from the ego to an object, not headings of the object.
 """
@@ -53,7 +53,7 @@ class StatisticsTable:
 
 
 def compute_tables(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
-    """Compute every table of a dataset; those about weather need scenarios that have one."""
+    """Compute every table of a dataset; tables about weather need scenarios with a weather."""
     traffic = np.concatenate([_traffic_speeds(item) for item in facts])
     ego = np.concatenate([item.speeds_km_h[:, :1].ravel() for item in facts])
     return [
@@ -79,7 +79,7 @@ def compute_tables(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
 
 
 def _tabulate_weathers(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
-    """Tabulate frames by weather and by time of day, and what the weather does to sensors."""
+    """Tabulate frames by weather and time of day, and the weather's effects on sensors."""
     return [
         _tabulate_frames_by(facts, "weather", "Frames by weather", _weather_without_time),
         _tabulate_frames_by(facts, "time_of_day", "Frames by time of day", attrgetter("time")),
@@ -104,7 +104,7 @@ def write_tables(tables: Iterable[StatisticsTable], folder: Path) -> None:
 
 
 def save_tables(tables: Iterable[StatisticsTable], folder: Path) -> None:
-    """Save each table as `<name>.csv` in a folder of files that are not yet where they belong."""
+    """Save each table as `<name>.csv` in the staging folder of an output."""
     for table in tables:
         with (folder / f"{table.name}.csv").open("w", newline="") as stream:
             writer = csv.writer(stream, lineterminator="\n")
@@ -143,7 +143,7 @@ def _concatenate_column(facts: Sequence[ScenarioFacts], name: str) -> NDArray[An
 
 
 def _tabulate_roads(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    """Tabulate the original's `stats.csv`: a line per road, then one of all."""
+    """Tabulate the original's `stats.csv`: a line per road, then the total."""
     groups = {**_group_by(facts, lambda item: item.road), "total": facts}
     rows = [_summarise_group(name, group) for name, group in groups.items()]
     return StatisticsTable("stats", "Scenarios by road", _to_columns(rows))
@@ -174,7 +174,7 @@ def _summarise_group(name: str, facts: Sequence[ScenarioFacts]) -> dict[str, Any
 
 
 def _summarise_counts(name: str, counts: Sequence[int]) -> dict[str, Any]:
-    """Summarise counts; the deviation is that of the population, as all of them are known."""
+    """Summarise counts; the deviation is the population's, as all of them are known."""
     return {
         f"{name}_mean": float(np.mean(counts)),
         f"{name}_std": float(np.std(counts)),
@@ -187,7 +187,7 @@ def _mean(values: Float64Array) -> float:
 
 
 def _mean_if_different(values: Sequence[float]) -> float:
-    """Compute a mean that is exactly the value of which all are."""
+    """Compute a mean; of equal values, exactly their value."""
     return values[0] if len(set(values)) == 1 else sum(values) / len(values)
 
 
@@ -209,7 +209,7 @@ def _tabulate_frames_by(
     facts: Sequence[ScenarioFacts], name: str, title: str, key: Callable[[WeatherTruth], str]
 ) -> StatisticsTable:
     counts = Counter(key(weather) for item in facts for weather in item.weathers)
-    # Equal counts in the order of their names.
+    # Equal counts are sorted by name.
     ordered = sorted(counts, key=lambda group: (-counts[group], group))
     columns = {name: ordered, "frames": [counts[group] for group in ordered]}
     return StatisticsTable(name, title, columns)
@@ -225,7 +225,7 @@ def _tabulate_classes(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
 
 
 def _count_by_integer(values: Float64Array, name: str, counted: str) -> dict[str, Sequence[Any]]:
-    """Count values by the nearest whole number, from 0; unknown ones, NaN, do not count."""
+    """Count values by the nearest whole number, from 0; NaN (unknown) does not count."""
     whole = np.rint(values[np.isfinite(values)]).astype(np.int64)
     counts = np.bincount(whole, minlength=1)
     return {name: list(range(len(counts))), counted: counts.tolist()}
@@ -243,7 +243,7 @@ def _tabulate_annotation_counts(facts: Sequence[ScenarioFacts]) -> StatisticsTab
 
 
 def _tabulate_ranges(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
-    """Tabulate means per frame, so that densities with different numbers of frames compare."""
+    """Tabulate means per frame, to compare densities with different numbers of frames."""
     columns: dict[str, Sequence[Any]] = {"distance_m_from": RANGE_EDGES_M[:-1].tolist()}
     for density, group in _group_by(facts, lambda item: item.density).items():
         counts, _ = np.histogram(_concatenate_column(group, "ego_distance_m"), RANGE_EDGES_M)
@@ -270,7 +270,7 @@ def _tabulate_polar_density(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
 def _tabulate_visibility(facts: Sequence[ScenarioFacts]) -> StatisticsTable:
     """Tabulate weathers; `echoing_share` is the fraction of the ego's objects with points.
 
-    The visibility is that of the mean extinction of all frames, which differ if weather changes.
+    The visibility is from the mean extinction of all frames, which differ in a changing weather.
     """
     rows: list[dict[str, Any]] = []
     for weather, group in _by_weather(facts).items():
@@ -301,7 +301,7 @@ def _tabulate_returns_by_range(facts: Sequence[ScenarioFacts]) -> StatisticsTabl
         returned, hit = (
             np.histogram(distance, RANGE_EDGES_M, weights=values)[0] for values in (points, hits)
         )
-        with np.errstate(invalid="ignore"):  # 0 / 0 where no object is: NaN
+        with np.errstate(invalid="ignore"):  # 0 / 0 without objects: NaN
             columns[weather] = (returned / hit).tolist()
     title = "LiDAR points of the ego per beam on objects, by distance"
     return StatisticsTable("echoes_by_range", title, columns)
@@ -310,7 +310,7 @@ def _tabulate_returns_by_range(facts: Sequence[ScenarioFacts]) -> StatisticsTabl
 def _select_counted(
     facts: Sequence[ScenarioFacts],
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Select distances, hits and points (n,) of the objects that the ego annotates."""
+    """Select distances, hits and points (n,) of the objects annotated by the ego."""
     names = ("ego_distance_m", "ego_hits", "ego_points")
     distance, hits, points = (_concatenate_column(facts, name) for name in names)
     counted = np.isfinite(points)
@@ -318,7 +318,7 @@ def _select_counted(
 
 
 def _tabulate_radars(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
-    """Tabulate detections of a scan by kind, and the fraction of objects that the ego detects."""
+    """Tabulate a scan's detections by kind, and the fraction of objects the ego detects."""
     kinds: list[dict[str, Any]] = []
     fractions: dict[str, Sequence[Any]] = {"distance_m_from": RANGE_EDGES_M[:-1].tolist()}
     for weather, group in _by_weather([item for item in facts if item.radars]).items():
@@ -341,7 +341,7 @@ def _tabulate_radars(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
 
 
 def _tabulate_messages(facts: Sequence[ScenarioFacts]) -> list[StatisticsTable]:
-    """Tabulate what became of messages at their receivers, by weather and kind, and by distance."""
+    """Tabulate the fate of messages at their receivers, by weather and kind, and by distance."""
     rows: list[dict[str, Any]] = []
     fractions: dict[str, Sequence[Any]] = {"distance_m_from": RANGE_EDGES_M[:-1].tolist()}
     for weather, group in _by_weather([item for item in facts if len(item.messages)]).items():
@@ -387,7 +387,7 @@ def _summarise_messages(messages: NDArray[np.void]) -> dict[str, Any]:
 def _compute_fractions(
     distance_m: Float64Array, found: NDArray[np.bool_], counted: NDArray[np.bool_]
 ) -> list[float]:
-    """Compute the fraction found of those counted by range; NaN where there are none."""
+    """Compute the found fraction of the counted rows by range; NaN without any."""
     some, all_ = (
         np.histogram(distance_m[rows], RANGE_EDGES_M)[0] for rows in (found & counted, counted)
     )

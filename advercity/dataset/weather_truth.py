@@ -1,4 +1,4 @@
-"""The weather as datasets state it: quantities that do not depend on how it was written."""
+"""State the weather of datasets in quantities independent of how it was written."""
 
 import math
 
@@ -14,7 +14,7 @@ class WeatherTruth(Model):
     """The weather of a frame in physical quantities.
 
     `mor_m` is the meteorological optical range of haze, fog, precipitation and dust together; None
-    in air that is perfectly clear. Parts of other distributions add their own quantities.
+    in perfectly clear air. Parts of other distributions add their own quantities.
     """
 
     model_config = ConfigDict(extra="allow")

@@ -1,4 +1,4 @@
-"""Weather as physical components whose extinctions add up, and how it changes."""
+"""Weather as physical components with additive extinctions, and its changes over time."""
 
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -100,7 +100,7 @@ class Keyframe(Model):
 
     @property
     def changes(self) -> dict[ValuePath, Any]:
-        """Values that were written, by path."""
+        """Written values, by path."""
         written = dict(iterate_written_values(self))
         del written["at_s",]
         return written
@@ -174,8 +174,8 @@ class Weather(Declaration):
     def at(self, time_s: float) -> "Weather":
         """Return the weather at a time in seconds since the first frame, without keyframes.
 
-        Each value has a track of its own, from the weather's own value at 0 s through the keyframes
-        that mention it, and is interpolated as `interpolate_track` does, the sun along its arc.
+        Each value has its own track, from the weather's value at 0 s through its keyframes, with
+        the interpolation of `interpolate_track`; the sun moves along its arc.
         """
         if not self.keyframes:
             return self

@@ -1,4 +1,4 @@
-"""Components of a weather: air, fog, rain and all else that its keyframes may change.
+"""Components of a weather: air, fog, rain and everything else its keyframes may change.
 
 A component that is `null` or omitted is absent; so is one with a visibility of `inf`.
 """
@@ -140,7 +140,7 @@ class Snow(WeatherComponent):
     """Fraction of the wheel ruts covered by snow; traffic keeps them clearer than the rest."""
 
     def check_with(self, weather: Any) -> None:
-        """Check that it falls in the cold, and lies in ruts at most as on the rest of the road."""
+        """Check that it falls in the cold, and covers ruts at most as much as the road."""
         if self.rut_coverage > self.road_coverage:
             raise InvalidCombination(
                 ("snow", "rut_coverage"),
@@ -237,7 +237,7 @@ class Lens(Model):
     """Fraction of light that the optics scatter: 0.02 clean, 0.05 damp, 0.10 dirty."""
 
 
-# Omitted from JSON at these values, so that specs without glare do not mention them.
+# Omitted from JSON at these values, so specs without glare do not mention them.
 DEFAULT_WITHIN_DEG, DEFAULT_SEEN_FRACTION = 25.0, 0.5
 
 
@@ -255,7 +255,7 @@ class Sun(Model):
     """Elevation above the horizon; negative at night."""
     azimuth_deg: Direction = 180
     """Azimuth, clockwise from north."""
-    # A spec has the angles that follow from these, and not the three themselves.
+    # A spec has the resulting angles instead of these three.
     at: str | None = Field(default=None, exclude=True)
     """Time, e.g. 2024-11-22T16:30 Europe/Madrid, 2024-11-22T16:30+01:00 or 2024-11-22T15:30Z. With
     neither zone nor offset, it is UTC and an hour for each 15 degrees of longitude, rounded, which
@@ -277,7 +277,7 @@ class Sun(Model):
 
     @property
     def time_utc(self) -> datetime | None:
-        """Instant that `at` means, in UTC; None without it, as in a spec."""
+        """The instant of `at` in UTC; None without it, as in a spec."""
         if self.at is None or self.lon_deg is None:
             return None
         return parse_time(self.at, self.lon_deg).astimezone(UTC)
@@ -310,7 +310,7 @@ class Sun(Model):
         return self
 
     def _place_by_time(self) -> None:
-        """Compute the angles from time and place, if those are given."""
+        """Compute the angles from time and place, if given."""
         if self.at is None or self.lat_deg is None or self.lon_deg is None:
             values = {"at": self.at, "lat_deg": self.lat_deg, "lon_deg": self.lon_deg}
             missing = [name for name, value in values.items() if value is None]

@@ -1,4 +1,4 @@
-"""The parts of the weather of this installation: of advercity, then of other packages.
+"""Load the parts of the weather of this installation: advercity's, then other packages'.
 
 Another distribution registers its `WeatherPart`, under the part's name, as an entry point of the
 group `advercity.weather_parts`.
@@ -49,7 +49,7 @@ def _check_part(part: WeatherPart, others: Mapping[str, WeatherPart]) -> None:
 
 
 def list_fields_of_others() -> dict[str, Any]:
-    """List the fields of a weather that hold the parts of other distributions."""
+    """List the fields of a weather for parts of other distributions."""
     return {
         part.name: (
             part.model,
