@@ -66,7 +66,6 @@ class VehicleTrip:
         style: Differences of its driver from others.
         trailer: Its semi-trailer; in SUMO, one vehicle is both.
         trailer_heading_rad: Heading of the semi-trailer at the start.
-
     """
 
     actor: Actor

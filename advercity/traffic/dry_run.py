@@ -353,7 +353,7 @@ def _list_missed_actors(spec: Spec, trace: Trace) -> list[int]:
 def _find_disturbing_actors(
     spec: Spec, trace: Trace, demand: TrafficDemand, missed: Sequence[int]
 ) -> set[int]:
-    """Find background actors that hold the ego up where it missed conflicts with actors.
+    """Find background actors that hold up an ego that missed conflicts with actors.
 
     If none does, find background actors that hold up the conflicts' actors.
     """

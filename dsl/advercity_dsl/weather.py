@@ -61,7 +61,7 @@ street lamps are switched on."""
 
 
 class Keyframe(Model):
-    """A changed weather at a time; values that it does not mention run on unchanged."""
+    """A changed weather at a time; unmentioned values run on unchanged."""
 
     at_s: Annotated[
         Seconds,

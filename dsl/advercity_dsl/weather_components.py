@@ -57,7 +57,7 @@ Direction = Annotated[Degrees, Field(ge=-360, le=360)]
 
 
 class WeatherComponent(Model):
-    """A part of the weather, which is absent where all its values are defaults."""
+    """A part of the weather; absent if all its values are defaults."""
 
     def check_with(self, weather: Any) -> None:
         """Check the part against its `Weather`.
@@ -193,7 +193,7 @@ class Wind(Model):
     ] = 0
     """Mean speed."""
     from_deg: Direction = 250
-    """Direction that it blows from, clockwise from north."""
+    """Direction the wind blows from, clockwise from north."""
     gust_factor: Annotated[
         Number, Field(ge=1, le=3), RangeReason("gusts are up to three times the mean wind")
     ] = Field(default=1, exclude_if=lambda value: value == 1)
@@ -210,18 +210,18 @@ class SurfaceWater(Model):
     film_mm: Annotated[Millimetres, Field(ge=0, le=20)] = 0
     """Depth of the water film on the road."""
     ice_mm: Annotated[Millimetres, Field(ge=0, le=50)] = Field(default=0, exclude_if=is_empty)
-    """Thickness of clear ice (glaze) on all that is under the open sky."""
+    """Thickness of clear ice (glaze) on all surfaces under the open sky."""
 
 
 class LensCoverage(Model):
-    """Fraction of the glass that is covered, by viewing direction of the camera."""
+    """Covered fraction of the glass, by viewing direction of the camera."""
 
     front: Fraction = 0
-    """Cameras that look ahead, which airflow keeps clearer."""
+    """Cameras looking ahead; airflow keeps them clearer."""
     side: Fraction = 0
-    """Cameras that look sideways."""
+    """Cameras looking sideways."""
     rear: Fraction = 0
-    """Cameras that look back."""
+    """Cameras looking back."""
 
 
 class Lens(Model):
@@ -234,7 +234,7 @@ class Lens(Model):
     coverage: LensCoverage = LensCoverage()
     """Covered fractions of the glass."""
     stray_light: Fraction = 0.02
-    """Fraction of light that the optics scatter: 0.02 clean, 0.05 damp, 0.10 dirty."""
+    """Fraction of light scattered by the optics: 0.02 clean, 0.05 damp, 0.10 dirty."""
 
 
 # Omitted from JSON at these values, so specs without glare do not mention them.
@@ -265,7 +265,7 @@ class Sun(Model):
     lon_deg: Annotated[Degrees, Field(ge=-180, le=180)] | None = Field(default=None, exclude=True)
     """Longitude of the place, positive in the east."""
     in_view_of: Literal["ego"] | None = Field(default=None, exclude_if=is_none)
-    """Agent that drives into the sun, with neither the world nor traffic hiding it."""
+    """Agent driving into the sun, with neither the world nor traffic hiding it."""
     within_deg: Annotated[
         Degrees, Field(gt=0, le=60), RangeReason("beyond 60 deg a camera does not see it")
     ] = Field(default=DEFAULT_WITHIN_DEG, exclude_if=lambda value: value == DEFAULT_WITHIN_DEG)
@@ -359,7 +359,7 @@ class Moon(Model):
     """The moon; by day it is too faint to matter."""
 
     phase: Fraction = 0
-    """Fraction of its disc that is lit: 0 new, 0.5 half, 1 full."""
+    """Lit fraction of its disc: 0 new, 0.5 half, 1 full."""
     elevation_deg: Annotated[Degrees, Field(ge=-90, le=90)] = 45
     """Elevation above the horizon."""
     azimuth_deg: Direction = 180
@@ -384,7 +384,7 @@ HIGH_BEAM_USERS, LED_HEADLAMPS = 0.48, 0.3
 
 
 class Lamps(Model):
-    """Vehicle lamps that are on in this weather; brake lamps follow the brakes."""
+    """Lit vehicle lamps in this weather; brake lamps follow the brakes."""
 
     low_beam: Flag = True
     """Headlamps."""
