@@ -1,1 +1,1 @@
-"""What cameras, LiDAR, GNSS and IMU report."""
+"""Sensor models: cameras, LiDAR, radar, thermal cameras, GNSS, IMU and the CAN bus."""

@@ -48,8 +48,8 @@ class AgentPoses:
         timeline: Its weather in each frame.
         tick_s: Time between recorded frames.
         origin: Place of the world's origin on the globe.
-        load_traced_frame: Loads a recorded frame by its number as traffic has it: without parked
-            cars, and without lamps and umbrellas that follow the weather.
+        load_traced_frame: Loads a recorded frame by its number from the trace, without parked
+            cars, and before the weather sets lamps and umbrellas.
     """
 
     def __init__(self, spec: Spec, trace: Trace) -> None:
@@ -91,12 +91,12 @@ class AgentPoses:
         *,
         estimated_world_from_agent: Matrix | None = None,
     ) -> SensorFrame:
-        """Add pose and planned path of an agent to what its sensors measured.
+        """Add pose and planned path of an agent to the readings of its sensors.
 
         Args:
             agent: The agent.
             frame: Recorded frame, as `load_frame` returns it.
-            readings: What they measured, by the names of their kinds and their numbers.
+            readings: Measurements, by the names of the sensors' kinds and their numbers.
             estimated_world_from_agent: (4, 4), its own estimate; None is the true pose.
         """
         world_from_agent = self.world_from_agent(agent, frame.index)
@@ -147,8 +147,8 @@ class AgentPoses:
         Args:
             kind: Name of the kind: `camera`.
             agent: The agent.
-            frame: Recorded frame, or one that is advanced by less than a tick.
-            time_s: Time from there, less than a tick, of sensors that are not `level`.
+            frame: Recorded frame, or one advanced by less than a tick.
+            time_s: Time after `frame`, less than a tick; ignored for kinds placed `level`.
         """
         mounts = [item.mount for item in agent.sensors.list_sensors(kind)]
         if load_sensor_kinds().found[kind].placing != "level":
@@ -185,9 +185,9 @@ class AgentPoses:
     def _world_from_mounts(
         self, agent: Agent, mounts: Sequence[Mount], index: int, time_s: float = 0.0
     ) -> list[Matrix]:
-        """Return the poses (4, 4) of sensors that look ahead from their mounts.
+        """Return the poses (4, 4) of sensors tilted with their carrier.
 
-        Those of a roadside unit turn about the vertical before they tilt, so that all of them look
+        Sensors of a roadside unit turn about the vertical before they tilt, so all of them look
         down by the pitch of the unit.
         """
         place = agent.place
@@ -236,7 +236,7 @@ class AgentPoses:
         return tuple((x, y, speed) for x, y, speed in points)
 
     def find_pose(self, agent: Agent, time_s: float) -> Matrix:
-        """Find the pose (4, 4) of an agent at a time since the first frame, which it has before."""
+        """Find the pose (4, 4) at a time since the first frame; before it, the first pose."""
         at = round(time_s / self.tick_s, 9)
         index = max(math.ceil(at), 0)
         now = self.world_from_agent(agent, index)
@@ -246,6 +246,6 @@ class AgentPoses:
         return poses.interpolate_poses(last, now, [at - index + 1.0])[0]
 
     def build_drive_key(self, agent: Agent) -> tuple[int | str, ...]:
-        """Build a key without the weather: the same drive has the same errors under all of them."""
+        """Build a key without the weather: a drive has the same errors in every weather."""
         seeds = self.spec.seeds
         return seeds.sensors, seeds.traffic, self.spec.road.id, agent.id

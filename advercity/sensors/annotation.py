@@ -1,8 +1,8 @@
 """Annotations: which actors an agent annotates, and their visible pixels and boxes in images.
 
-An actor's outline in an image is the convex hull of its body's projected vertices: what would be
-visible with nothing in front of it. A car fills its outline except for a few per cent; a bicycle,
-which is see-through, leaves about half of it open, so its visible fraction stays low.
+An actor's outline in an image is the convex hull of its body's projected vertices, whether or not
+other objects hide it. A car fills its outline except for a few per cent. A bicycle is see-through
+and leaves about half of it open, so its visible fraction stays low.
 """
 
 from collections.abc import Callable, Mapping
@@ -48,12 +48,12 @@ def count_lidar_hits(scan: ScanHits, lidar: Lidar) -> dict[int, int]:
 
 
 NEAR_PLANE_M = 0.05
-"""Least depth that is projected; nearer points and those behind the camera have no pixel."""
+"""Least projected depth; nearer points and points behind the camera have no pixel."""
 CHORD_PX = 8.0
-"""Length of the chords that replace a straight line which the lens bends."""
+"""Length of the chords in place of a straight line, which the lens bends."""
 NUM_HULL_DIRECTIONS, HULL_BATCHES = 256, 16
-"""Directions in which the farthest points are sought, and in how many batches: few at a time, as
-models have many vertices."""
+"""Directions searched for the farthest points, and the batches of the search, which bound memory
+for models with many vertices."""
 HullPointLookup = Callable[[ActorState], NDArray[np.float64]]
 """Returns points (n, 3) of an actor's body, in its frame, whose convex hull is the body's."""
 
@@ -74,7 +74,7 @@ def build_hull_point_lookup(bodies: Mapping[str, Body]) -> HullPointLookup:
 
 
 def select_extreme_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Select the points (n, 3) that are the farthest in one of many evenly spread directions."""
+    """Select the farthest points (n, 3) in each of many evenly spread directions."""
     # A Fibonacci lattice: directions at golden-ratio azimuths and equal steps of height.
     directions = np.split(spread_directions(NUM_HULL_DIRECTIONS), HULL_BATCHES)
     return points[np.unique([np.argmax(some @ points.T, axis=1) for some in directions])]
@@ -93,12 +93,12 @@ def project_boxes(
     """Project every actor whose outline overlaps an image, by its id.
 
     Args:
-        instance: (h, w) id of the actor that each pixel shows; 0 for everything static.
+        instance: (h, w) id of the actor in each pixel; 0 for everything static.
         world_from_camera: (4, 4), body axes.
         camera: Projection to the image.
         frame: States of all actors.
         find_hull_points: Returns points whose convex hull is the actor's.
-        hide: Ids of actors that the camera does not show, as its own vehicle.
+        hide: Ids of actors hidden from the camera, such as its own vehicle.
         rolling: Times and poses of the image's rows; None if all are exposed at once.
     """
     visible = _measure_visible_pixels(instance)
@@ -154,8 +154,8 @@ def _project_outline(
 ) -> NDArray[np.float32]:
     """Project points (n, 3) in a camera's body axes to a convex outline (n, 1, 2) without lens."""
     ahead = points[points[:, 0] > NEAR_PLANE_M]
-    # Where the near plane cuts the body, the cut of its box closes the outline: of the body only
-    # vertices are known.
+    # Where the near plane cuts the body, the cut of its box closes the outline, as only the
+    # vertices of the body are known.
     before, behind = corners[BOX_EDGES[:, 0]], corners[BOX_EDGES[:, 1]]
     crossing = (before[:, 0] > NEAR_PLANE_M) != (behind[:, 0] > NEAR_PLANE_M)
     before, behind = before[crossing], behind[crossing]
@@ -218,14 +218,14 @@ class Annotation:
             a pedestrian's body.
         centre: (3,) middle of its box.
         distance_m: From the agent's origin to `location`.
-        bearing_rad: Horizontal direction from the agent to `location`, whatever the agent's pitch
-            and roll; 0 ahead, positive to the left, in (-pi, pi].
+        bearing_rad: Horizontal direction from the agent to `location`, independent of the agent's
+            pitch and roll; 0 ahead, positive to the left, in (-pi, pi].
         relative_yaw_rad: Heading relative to the agent's, in (-pi, pi].
-        lidar_hits: Number of beams of the noise-free LiDARs that hit it.
-        lidar_points: Number of points that it returned to the agent's LiDARs in this weather,
-            without its mirror images in puddles.
+        lidar_hits: Number of noise-free LiDAR beams on it.
+        lidar_points: Number of its points in the agent's LiDAR scans in this weather, without its
+            mirror images in puddles.
         lidar_ghosts: Number of points of its mirror images.
-        visible_fraction: Largest fraction of its outline that one of the agent's cameras shows.
+        visible_fraction: Largest visible fraction of its outline in one of the agent's cameras.
     """
 
     state: ActorState
@@ -241,10 +241,10 @@ class Annotation:
 
 
 def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
-    """Annotate the other actors within LiDAR range that a noise-free LiDAR hits.
+    """Annotate the other actors within LiDAR range and hit by a noise-free LiDAR.
 
-    With `min_points` 0 only umbrellas make a difference between weathers: they take and hide beams.
-    Distances are from the agent's true pose, not from the estimated one.
+    With `min_points` 0, weathers differ by umbrellas alone: they take and hide beams. Distances
+    are from the agent's true pose, not from the estimated one.
     """
     own, hits = sensor_frame.agent.number, sensor_frame.lidar_hits
     ghosts = _count_points(sensor_frame, PointKind.GHOST)
@@ -289,7 +289,7 @@ def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
 
 
 def _count_points(sensor_frame: SensorFrame, kind: PointKind) -> dict[int, int]:
-    """Count the points of a kind that every actor returned to all LiDARs, by its id."""
+    """Count each actor's points of a kind in the scans of all LiDARs, by its id."""
     clouds = [scan.point_cloud for scan in sensor_frame.lidar_scans]
     instance = np.concatenate([cloud.instance[cloud.kind == kind] for cloud in clouds])
     actors, counts = np.unique(instance, return_counts=True)

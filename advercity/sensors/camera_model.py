@@ -1,7 +1,7 @@
-"""Where a camera shows a point: the pinhole, and the distortion by its lens.
+"""Projection of points to a camera's image: the pinhole, and the distortion by its lens.
 
-Backends render pinholes with square pixels, whose axis meets the middle. For a camera with a lens,
-or with a principal point elsewhere, they render a plane that is as wide as the image needs;
+Backends render pinholes with square pixels and the principal point in the middle. For a camera
+with a lens, or with a principal point elsewhere, they render a plane as wide as the image needs;
 `camera/lens_map.py` takes the image from it.
 """
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 TABLE_ANGLES = 4096
 """Angles at which a lens is tabulated; between them, straight lines err by 1e-7 of the radius."""
 DECENTRING_ROUNDS = 20
-"""Rounds in which the small shift by decentring is removed."""
+"""Rounds of the iteration against the small shift by decentring."""
 EDGE_POINTS = 200
 """Points along each side of an image, whose edge is curved before the lens."""
 
@@ -37,7 +37,7 @@ class LensDistortion:
     Beyond the image the plane is only shifted outwards: a polynomial would fold it back.
 
     Attributes:
-        angles: (n,) rising angles off the axis, up to that of the image's corners.
+        angles: (n,) rising angles off the axis, up to the angle of the image's corners.
         radii: (n,) their radii in the image, without decentring.
         decentring: Coefficients p1 and p2.
     """
@@ -107,7 +107,7 @@ class CameraModel:
 
     @staticmethod
     def build(camera: Camera, width_px: int, height_px: int) -> CameraModel:
-        """Build the model of a camera for an image of a size with its proportions."""
+        """Build the model of a camera for an image of another size, with its proportions."""
         lens = camera.lens
         distortion = None
         if lens is not None:
@@ -123,7 +123,7 @@ class CameraModel:
 
     @staticmethod
     def build_pinhole(horizontal_fov_deg: float, width_px: int, height_px: int) -> CameraModel:
-        """Build the model of a pinhole by the angle that its width spans."""
+        """Build the model of a pinhole by its horizontal field of view."""
         half_rad = np.deg2rad(horizontal_fov_deg) / 2
         return CameraModel(width_px, height_px, float(width_px / (2 * np.tan(half_rad))))
 
@@ -146,7 +146,7 @@ class CameraModel:
     def pixels_from_camera(self, points: Float64Array) -> Float64Array:
         """Project points (n, 3) in body axes to columns and rows (n, 2).
 
-        Points in the camera's plane give inf or NaN, those behind it a mirrored place.
+        Points in the camera's plane give inf or NaN, points behind it a mirrored place.
         """
         return self.distort(self.project_pinhole(points))
 
@@ -158,14 +158,14 @@ class CameraModel:
             return np.stack([column / depth, row / depth], axis=1)
 
     def distort(self, pixels: Float64Array) -> Float64Array:
-        """Map pixels (n, 2) of the pinhole to those of the image."""
+        """Map pixels (n, 2) of the pinhole to the image."""
         if self.distortion is None:
             return pixels
         plane = self.distortion.distort(self.plane_from_pixels(pixels))
         return plane * self.focal_lengths_px + self.principal_point
 
     def undistort(self, pixels: Float64Array) -> Float64Array:
-        """Map pixels (n, 2) of the image to those of the pinhole."""
+        """Map pixels (n, 2) of the image to the pinhole."""
         if self.distortion is None:
             return pixels
         plane = self.distortion.undistort(self.plane_from_pixels(pixels))
@@ -206,12 +206,12 @@ class CameraModel:
         return width, height
 
     def to_rendered(self, pixels: Float64Array) -> Float64Array:
-        """Map pixels (n, 2) of the pinhole to those of the rendered plane."""
+        """Map pixels (n, 2) of the pinhole to the rendered plane."""
         middle = np.array(self.rendered_size) / 2
         return self.plane_from_pixels(pixels) * self.rendered_focal_px + middle
 
     def from_rendered(self, pixels: Float64Array) -> Float64Array:
-        """Map pixels (n, 2) of the rendered plane to those of the pinhole."""
+        """Map pixels (n, 2) of the rendered plane to the pinhole."""
         middle = np.array(self.rendered_size) / 2
         plane = (pixels - middle) / self.rendered_focal_px
         return plane * self.focal_lengths_px + self.principal_point
@@ -234,7 +234,7 @@ def _build_calibrated(
 
 
 MAX_DEPTH_CM = 65_535
-"""Depth of the sky and of all that is farther."""
+"""Depth of the sky and of all farther surfaces."""
 
 
 def quantise_depth(depth: NDArray[np.float32]) -> NDArray[np.uint16]:

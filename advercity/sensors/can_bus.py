@@ -1,9 +1,9 @@
-"""What a vehicle's bus says of its motion: wheel speeds, steering, yaw rate, brake, indicators.
+"""Signals of a vehicle's bus: wheel speeds, steering, yaw rate, brake and indicators.
 
-Wheels roll without slip and steer by Ackermann: the front ones roll where their hubs go, the
-rear ones straight on. The steering angle is that of the kinematic bicycle, `atan(wheelbase *
-curvature of the rear axle's path)` (Rajamani, Vehicle Dynamics and Control, 2nd edition, 2.2),
-which the traffic's kinematics have.
+Wheels roll without slip and steer by Ackermann: the front wheels roll along the paths of their
+hubs, the rear wheels straight on. As in the traffic's kinematics, the steering angle is of the
+kinematic bicycle, `atan(wheelbase * curvature of the rear axle's path)` (Rajamani, Vehicle Dynamics
+and Control, 2nd edition, 2.2).
 """
 
 import math
@@ -37,9 +37,9 @@ def sample_can_bus(
     key: tuple[int | str, ...],
     frame: int,
 ) -> CanSample | None:
-    """Sample the signals between two successive ticks, those at the second included.
+    """Sample the signals between two successive ticks, including the second.
 
-    Between the ticks they are interpolated linearly, lamps are those of the second.
+    Signals are interpolated linearly between the ticks; lamps are taken from the second.
 
     Args:
         bus: Rate, steps and errors.
@@ -66,7 +66,7 @@ def sample_can_bus(
     samples = [
         CanSample(
             wheel_speeds_m_s=wheels[at],
-            # As on real buses, of the wheels that are not steered.
+            # As on real buses, from the rear wheels, which are not steered.
             speed_m_s=float(wheels[at, 2:].mean()),
             steering_wheel_rad=math.radians(
                 float(_round_to_step(wheel_deg[at], bus.steering_step_deg))

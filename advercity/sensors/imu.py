@@ -1,6 +1,6 @@
 """Accelerometer, gyroscope and compass at a vehicle's origin, in its body frame.
 
-They measure the derivatives of the vehicle's pose, which annotations have, too.
+They measure the derivatives of the vehicle's pose, as given in annotations.
 """
 
 import math
@@ -24,7 +24,7 @@ _REST_SPECIFIC_FORCE = np.array([0.0, 0.0, GRAVITY_M_S2])
 
 @dataclass(frozen=True)
 class ImuConditions:
-    """What a unit is exposed to, besides its motion.
+    """Conditions of a unit, apart from its motion.
 
     Attributes:
         air_c: Temperature of the air.
@@ -47,21 +47,21 @@ def measure_imu(
     frame: int,
     conditions: ImuConditions | None = None,
 ) -> ImuSample | None:
-    """Measure the samples between two successive ticks, that of the second included.
+    """Measure the samples between two successive ticks, including the second.
 
-    Between the ticks, acceleration is interpolated linearly, as that of a cubic spline.
+    Acceleration is interpolated linearly between the ticks, as along a cubic spline.
 
     Args:
         imu: Grade and rate of the unit.
         world_from_body: Poses (4, 4) at the previous tick and at this one.
-        motions: The motions that go with them.
-        tick_s: Time between them.
+        motions: Motions at the same ticks.
+        tick_s: Time between the ticks.
         key: Key of the unit and its noise, such as seed and agent; the same for all frames.
-        frame: Number of the frame from 0; the bias has drifted that many ticks.
-        conditions: What it is exposed to; by default it has just been started.
+        frame: Number of the frame from 0, which is the number of ticks of the bias's drift.
+        conditions: Conditions of the unit; by default, it has just been started.
 
     Returns:
-        The last of the samples with those before it, or None if there is none.
+        The last sample, with the others as `earlier`; None if there is none.
     """
     conditions = conditions or ImuConditions()
     times = list_sample_times(imu, tick_s, frame, key=(*key, "imu"))

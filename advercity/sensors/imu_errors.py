@@ -1,9 +1,9 @@
-"""What accelerometers and gyroscopes make of specific force and angular rate.
+"""Errors of accelerometers and gyroscopes.
 
 The model is the usual one of strapdown navigation (Groves, Principles of GNSS, Inertial, and
-Multisensor Integrated Navigation Systems, 2nd edition, 4.4): scale and misalignment, a bias that
-is constant, depends on temperature and on specific force, and drifts, and white noise. Terms of
-noise are those of IEEE Std 952.
+Multisensor Integrated Navigation Systems, 2nd edition, 4.4): scale, misalignment, white noise, and
+a bias. The bias has a constant part, depends on temperature and specific force, and drifts. Noise
+terms follow IEEE Std 952.
 """
 
 import math
@@ -21,11 +21,11 @@ BIAS_CORRELATION_TIME_S = 100.0
 ALLAN_FLOOR = 0.6174
 """Largest Allan deviation of a Gauss-Markov process over its standard deviation (IEEE Std 952)."""
 STANDARD_GRAVITY_M_S2 = 9.80665
-"""What data sheets call g."""
+"""The unit g of data sheets."""
 _UG_M_S2 = STANDARD_GRAVITY_M_S2 * 1e-6
 _DEG_H_RAD_S = math.radians(1.0) / 3600.0
 _ROOT_HOUR = 60.0
-"""Square root of an hour in that of seconds."""
+"""Square root of an hour, in root seconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +65,10 @@ def apply_errors(
     key: tuple[int | str, ...],
     frame: int,
 ) -> tuple[Float64Array, Float64Array]:
-    """Apply the errors of a unit to what it should measure.
+    """Apply the errors of a unit to true values.
 
     Args:
-        errors: What it errs by.
+        errors: Errors of its kind.
         force: (n, 3) specific force, m/s², body frame.
         rate: (n, 3) angular rate, rad/s, body frame.
         times: Times of the samples.
@@ -106,7 +106,7 @@ def apply_errors(
 
 
 def _draw_unit(errors: ImuErrors, key: tuple[int | str, ...]) -> tuple[_Triad, _Triad]:
-    """Draw accelerometers and gyroscopes from what units of this kind err by."""
+    """Draw accelerometers and gyroscopes of one unit from the errors of its kind."""
     rng = create_generator(*key, "imu unit")
     return (
         _draw_accelerometers(errors.accelerometer, rng.standard_normal((8, 3))),

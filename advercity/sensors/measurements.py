@@ -1,6 +1,6 @@
-"""What sensors report: GNSS fixes, IMU samples, points, radar detections, light, optical flow.
+"""Sensor readings: GNSS fixes, IMU samples, points, radar detections, light, optical flow.
 
-Datasets' readers import these types, so this module imports nothing but NumPy.
+Datasets' readers import these types, so this module depends only on NumPy.
 """
 
 from dataclasses import dataclass
@@ -17,25 +17,25 @@ if TYPE_CHECKING:
 
 
 class GnssSolution(StrEnum):
-    """How a position was computed."""
+    """Method of a position's computation."""
 
     SINGLE = "single"
-    """Of code ranges alone."""
+    """Code ranges alone."""
     FLOAT = "float"
-    """Of carrier phases with a base station, whose ambiguities are not whole numbers yet."""
+    """Carrier phases with a base station, whose ambiguities are not whole numbers yet."""
     FIXED = "fixed"
-    """Of carrier phases with whole ambiguities."""
+    """Carrier phases with whole ambiguities."""
 
 
 @dataclass(frozen=True)
 class SolutionQuality:
-    """What a satellite receiver says of its fix.
+    """Quality of a fix by satellites.
 
     Attributes:
-        solution: How it was computed.
+        solution: Method of its computation.
         satellites: Number of satellites used.
-        visible: Number of satellites above the horizon with nothing solid in the way: truth, which
-            no receiver knows.
+        visible: Number of satellites above the mask with a path free of solid obstacles: truth,
+            which no receiver knows.
         pdop: Dilution of precision of the position.
         hdop: Dilution of precision of the horizontal position.
         vdop: Dilution of precision of the height.
@@ -51,7 +51,7 @@ class SolutionQuality:
 
 @dataclass(frozen=True)
 class GnssFix:
-    """A position as a satellite receiver reports it."""
+    """A position reported by a satellite receiver."""
 
     latitude_deg: float
     longitude_deg: float
@@ -61,7 +61,7 @@ class GnssFix:
     heading_rad: float | None = None
     """Heading clockwise from north, of a receiver with two antennas."""
     quality: SolutionQuality | None = None
-    """Of a receiver with satellites."""
+    """Quality of the fix, for a receiver with satellites."""
     earlier: "tuple[GnssFix, ...]" = ()
     """Fixes since the previous frame, of a receiver faster than the frames."""
 
@@ -86,7 +86,7 @@ class ImuSample:
 
 
 class Indicator(StrEnum):
-    """What a vehicle's indicators show, whether they are lit at the moment or not."""
+    """State of a vehicle's indicators, whether they are lit at the moment or not."""
 
     OFF = "off"
     LEFT = "left"
@@ -100,7 +100,7 @@ class CanSample:
 
     Attributes:
         wheel_speeds_m_s: (4,) of front left, front right, rear left, rear right.
-        speed_m_s: Of the vehicle, from its rear wheels.
+        speed_m_s: Speed of the vehicle, from its rear wheels.
         steering_wheel_rad: Angle of the steering wheel, positive to the left.
         yaw_rate_rad_s: Positive to the left.
         is_braking: Whether the brake's lamps are on.
@@ -120,9 +120,9 @@ class CanSample:
 
 
 class PointKind(IntEnum):
-    """Kind of target that a point's return came from; the values are written to files.
+    """Kind of a point's target; the values are written to files.
 
-    Values from 64 on are of weather parts of other distributions.
+    Values from 64 on belong to weather parts of other distributions.
     """
 
     SURFACE = 0
@@ -135,9 +135,9 @@ class PointKind(IntEnum):
     """A surface mirrored in a puddle, reported below the ground; for radars, in any surface."""
     HAIL = 7
     NOISE = 8
-    """Noise of a radar's receiver that passed for a target."""
+    """Noise of a radar's receiver, detected as a target."""
     STRAY = 9
-    """Light of a bright target in a LiDAR's beam beside it: blooming."""
+    """Light of a bright target in a nearby beam of a LiDAR: blooming."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,8 +147,8 @@ class PointCloud:
     Attributes:
         points: (n, 3) float32, metres, in the LiDAR frame at the frame's instant: the sensor's own
             motion during the scan is compensated.
-        raw: (n, 3) float32, metres, in the LiDAR frame when each point was measured; equal to
-            `points` without the rig's `motion_distortion`.
+        raw: (n, 3) float32, metres, in the LiDAR frame at each point's time; equal to `points`
+            without the rig's `motion_distortion`.
         intensity: (n,) float32, 0 to 1: reflectance times cosine, attenuated by the air.
         ring: (n,) uint16 channel, from the lowest up.
         time_s: (n,) float32 relative to the frame's instant, negative; 0 in an instantaneous scan.
@@ -170,18 +170,18 @@ class PointCloud:
 
 
 HDR_FULL_VALUE = 4095
-"""Value of a linear image where a pixel is full in the long exposure."""
+"""Value of a full pixel of the long exposure in a linear image."""
 
 
 @dataclass(frozen=True)
 class CameraReadout:
-    """What the values of a camera's sensor mean in one image.
+    """Exposure of one image, and scale of its sensor values.
 
     Attributes:
         shutter_s: Exposure time.
         iso: Sensitivity.
-        saturation_cd_m2: Luminance of a grey surface that just fills a pixel in the long exposure.
-        white_point: (3,) factors of the red, green and blue light that the image shows as grey.
+        saturation_cd_m2: Least luminance of a grey surface for a full pixel in the long exposure.
+        white_point: (3,) factors of red, green and blue of the light shown as grey.
         full_well_e: Electrons of a full pixel.
         read_noise_e: Standard deviation of the read noise in electrons.
     """
@@ -199,7 +199,7 @@ class CameraReadout:
         return values * step.astype(np.float32)
 
     def count_electrons(self, values: NDArray[np.uint16], raw: "RawOutput") -> NDArray[np.float32]:
-        """Convert the values (h, w) of a sensor's pixels to electrons, below 0 by noise too."""
+        """Convert the values (h, w) of a sensor's pixels to electrons; noise may go below 0."""
         largest_e = self.full_well_e * 2.0**raw.highlights_ev
         step = largest_e / (raw.full_value - raw.black_level)
         return (values.astype(np.float32) - raw.black_level) * np.float32(step)
@@ -207,13 +207,12 @@ class CameraReadout:
 
 @dataclass(frozen=True, eq=False)
 class OpticalFlow:
-    """Where the points that a camera's pixels show are in its next image.
+    """Shifts of the points in a camera's pixels to its next image.
 
     Attributes:
-        shift_px: (h, w, 2) float32 to the right and down; NaN where there is no such place: behind
-            the camera, or of actors that leave.
-        occluded: (h, w) bool, whether the next image does not show the point: something hides it,
-            or it is outside.
+        shift_px: (h, w, 2) float32 to the right and down; NaN for points behind the next camera
+            and for actors without a next state.
+        occluded: (h, w) bool, whether the next image lacks the point, as it is hidden or outside.
     """
 
     shift_px: NDArray[np.float32]
@@ -226,8 +225,8 @@ class OpticalFlow:
 
 
 KELVIN_PER_COUNT = 0.04
-"""Step of a thermal image: a value times this is the temperature in kelvin of a black body that
-would look the same."""
+"""Step of a thermal image: a value times this is the apparent temperature in kelvin, of a black
+body."""
 MAX_COUNT = 2**14 - 1
 """Largest value of a thermal image, of 14 bits."""
 
@@ -238,8 +237,8 @@ class RadarDetections:
 
     Attributes:
         points: (n, 3) float32, metres, in the radar's frame (x forward, y left, z up).
-        velocity_m_s: (n,) float32 radial velocity, relative to the radar, positive for what moves
-            away; folded into the unambiguous interval.
+        velocity_m_s: (n,) float32 radial velocity, relative to the radar, positive for receding
+            targets; folded into the unambiguous interval.
         rcs_dbsm: (n,) float32 radar cross-section in dB over 1 m², not corrected for weather.
         snr_db: (n,) float32 power over the estimated noise.
         instance: (n,) int32 id of the actor; 0 for everything else.
@@ -256,12 +255,12 @@ class RadarDetections:
 
 @dataclass(frozen=True, eq=False)
 class RadarCube:
-    """Every cell of a radar at one tick, the strongest of its velocities.
+    """Every cell of a radar at one tick, each with its strongest velocity.
 
     Attributes:
         power_db: (ranges, azimuths, elevations) float16 power over the receiver's noise;
             azimuths from the right to the left, elevations from the lowest up.
-        velocity_m_s: (ranges, azimuths, elevations) float16 radial velocity of that power.
+        velocity_m_s: (ranges, azimuths, elevations) float16 radial velocity of this power.
     """
 
     power_db: NDArray[np.float16]

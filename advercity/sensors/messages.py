@@ -1,7 +1,7 @@
-"""V2X messages that an agent sends in a frame, and what became of them at every other agent.
+"""V2X messages of an agent in a frame, and their delivery to every other agent.
 
-A station's frame is level: its origin is that of the agent, x points ahead, y left and z up, as
-messages of ETSI have no pitch and no roll.
+A station's frame is level, as messages of ETSI have no pitch and no roll. Its origin is the
+agent's; x points ahead, y left and z up.
 """
 
 from collections.abc import Mapping
@@ -23,18 +23,18 @@ def to_level_pose(world_from_agent: Matrix) -> Matrix:
 
 
 class MessageKind(StrEnum):
-    """What a message is, in the order of priority."""
+    """Kind of a message, in the order of priority."""
 
     CAM = "cam"
     """Cooperative awareness: the sender."""
     CPM = "cpm"
-    """Collective perception: what the sender perceives."""
+    """Collective perception: objects perceived by the sender."""
     DATA = "data"
-    """Sensor data or features, which are in the sender's files."""
+    """Sensor data or features, stored in the sender's files."""
 
 
 class LossReason(StrEnum):
-    """Why a message does not arrive."""
+    """Reason for the loss of a message."""
 
     RANGE = "range"
     """The receiver is beyond the channel's range."""
@@ -43,25 +43,25 @@ class LossReason(StrEnum):
     CHANNEL = "channel"
     """Lost at random or in a burst."""
     QUEUE = "queue"
-    """Not sent when the next one of its kind was due."""
+    """Not yet sent when the next message of its kind was due."""
     LIFETIME = "lifetime"
     """Too late to be of use."""
 
 
 @dataclass(frozen=True, eq=False)
 class StationData:
-    """What a station says of itself.
+    """A station's report of itself.
 
     Attributes:
         station_type: `StationType` of ETSI TS 102 894-2: 5 passenger car, 7 light truck, 8 heavy
             truck, 15 roadside unit.
         world_from_station: (4, 4) level pose with the errors of its localisation.
-        position_sd_m: Standard deviation of x, y and z, of which the errors were drawn.
+        position_sd_m: Standard deviation of x, y and z for the draw of the errors.
         heading_sd_rad: Standard deviation of the heading.
         speed_m_s: Along its x axis.
         acceleration_m_s2: Along its x axis.
         yaw_rate_rad_s: Positive to the left.
-        size_m: Length, width and height; None of a roadside unit.
+        size_m: Length, width and height; None for a roadside unit.
     """
 
     station_type: int
@@ -76,10 +76,10 @@ class StationData:
 
 @dataclass(frozen=True, eq=False)
 class PerceivedObjects:
-    """Objects that a station perceives, n of them, in its frame.
+    """The n objects perceived by a station, in its frame.
 
     Attributes:
-        ids: (n,) int64 as in annotations: truth, which no message has.
+        ids: (n,) int64 as in annotations: truth, absent from real messages.
         classes: (n,) text, as in annotations.
         centres: (n, 3) middles of their boxes, metres.
         headings_rad: (n,) relative to the station, positive to the left.
@@ -107,13 +107,13 @@ class PerceivedObjects:
 
 @dataclass(frozen=True)
 class Delivery:
-    """What became of a message at one other agent.
+    """Delivery of a message to one other agent.
 
     Attributes:
         delay_s: Time from the frame to reception; None if it was lost.
-        lost: Why it was lost; None if it arrives.
+        lost: Reason for its loss; None if it arrives.
         power_dbm: Received power; None without a radio.
-        path: What was on the path, `los`, `nlosv` or `nlos`; None without a radio.
+        path: Kind of path, `los`, `nlosv` or `nlos`; None without a radio.
     """
 
     delay_s: float | None = None
@@ -124,15 +124,15 @@ class Delivery:
 
 @dataclass(frozen=True, eq=False)
 class Message:
-    """A message as it was sent.
+    """A sent message.
 
     Attributes:
-        kind: What it is.
+        kind: Kind of the message.
         size_bytes: Its size on the air.
         timestamp_s: Time of the frame by the sender's clock.
-        station: What the sender says of itself.
-        objects: What it perceives, in a CPM.
-        deliveries: What became of it, by the id of every other agent.
+        station: The sender's report of itself.
+        objects: Objects perceived by the sender, in a CPM.
+        deliveries: Deliveries, by the id of every other agent.
     """
 
     kind: MessageKind
@@ -145,10 +145,10 @@ class Message:
 
 @dataclass(frozen=True, eq=False)
 class SentMessages:
-    """What an agent sends in a frame.
+    """Messages of an agent in a frame.
 
     Attributes:
-        clock_offset_s: How far its clock is ahead.
+        clock_offset_s: Offset of its clock, positive ahead.
         messages: The messages; often none.
     """
 

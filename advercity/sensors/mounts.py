@@ -1,4 +1,4 @@
-"""Where sensors are on their carriers."""
+"""Poses of sensors on their carriers."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Optical flow of a camera: where the points that its pixels show are in its next image.
+"""Optical flow of a camera: the places of its pixels' points in its next image.
 
-The depth of a pixel gives its point. Until the next frame that moves with its actor, on people and
-riders as the nearest vertex of their bodies does, while wheels move as their cars do. A ray from
-the next place of the camera finds what hides it there. So flow is the same for all backends, but
-for their depths.
+The depth of a pixel gives its point. Until the next frame the point moves with its actor; on people
+and riders it moves with the nearest vertex of their bodies, on wheels with the car. A ray from the
+next place of the camera finds whether the point is hidden there. Flow of different backends differs
+only by their depths.
 """
 
 from collections.abc import Callable, Mapping
@@ -27,20 +27,20 @@ from advercity.sensors.measurements import OpticalFlow
 from advercity.world import Body
 
 MAX_RANGE_M = 10_000.0
-"""Beyond all that a world holds."""
+"""Range of rays, larger than any world."""
 DEPTH_ERROR_M, DEPTH_ERROR_FRACTION = 0.05, 0.002
-"""By how much a surface may be in front of a point before it hides it: depths of renderers and of
-rays differ a little, and so do bodies between two poses."""
+"""Distance of a surface in front of a point up to which it does not hide it: depths of renderers
+and rays differ a little, and so do bodies between two poses."""
 _KEPT_SHAPES = 256
 _EXACT_TREE: dict[str, bool | int | float | str] = {"algorithm": 4}
-"""FLANN's number of the index that finds the nearest vertex, not just a near one."""
+"""FLANN's number of the exact index, which finds the nearest vertex."""
 
 MovePoints = Callable[[Float64Array, ActorState, ActorState], Float64Array]
 """Moves points (n, 3) of an actor's surface in the world from one state to another."""
 
 
 def build_point_mover(bodies: Mapping[str, Body]) -> MovePoints:
-    """Build the function that moves points with actors; vertices are kept for each shape."""
+    """Build the function for moving points with actors; vertices are kept for each shape."""
 
     @lru_cache(maxsize=_KEPT_SHAPES)
     def index_vertices(shape: BodyShape) -> tuple[Float32Array, cv2.flann.Index]:
@@ -61,7 +61,7 @@ def build_point_mover(bodies: Mapping[str, Body]) -> MovePoints:
 
 
 def _have_same_vertices(one: BodyShape, other: BodyShape) -> bool:
-    """Return whether two shapes are poses of one body; one may have got an umbrella."""
+    """Return whether two shapes are poses of one body; they differ if one has an umbrella."""
     return replace(one, pose_index=None) == replace(other, pose_index=None)
 
 
@@ -88,8 +88,8 @@ def measure_optical_flow(
     Args:
         seen: Depths and actors of the image's pixels.
         motion: The camera and the scene.
-        raycaster: With the next frame placed, and without what the camera does not see.
-        move_points: As `build_point_mover` builds it.
+        raycaster: Raycaster at the next frame, without the actors hidden from the camera.
+        move_points: Function of `build_point_mover`.
     """
     shape, model = seen.depth.shape, motion.model
     start = _locate_pixels(model)
@@ -107,9 +107,9 @@ def measure_optical_flow(
 
 
 def _locate_pixels(model: CameraModel) -> Float64Array:
-    """Locate the centres (n, 2) of what the image's pixels show, in pixels of the pinhole.
+    """Locate the centres (n, 2) of the image's pixels, in pixels of the pinhole.
 
-    With a lens map, they are the centres of the pixels of the rendered plane that the image takes.
+    With a lens map, these are centres of the rendered plane's pixels, as selected for the image.
     """
     lens_map = build_lens_map(model)
     if lens_map is None:
@@ -123,10 +123,10 @@ def _locate_pixels(model: CameraModel) -> Float64Array:
 def _find_next_offsets(
     seen: CameraCapture, start: Float64Array, motion: CameraMotion, move_points: MovePoints
 ) -> tuple[Float64Array, FloatArray]:
-    """Find where points are next: offsets (n, 3) from the camera in the world, distances (n,).
+    """Find the next places of points: offsets (n, 3) from the camera in the world, distances (n,).
 
-    What is infinitely far away has an offset of no meaning but its direction; actors that are gone
-    have NaN.
+    For infinitely far points, only the direction of the offset has a meaning. Points of actors that
+    are gone are NaN.
     """
     now, then = motion.world_from_camera
     right, down = motion.model.plane_from_pixels(start).T
@@ -159,7 +159,7 @@ def _move_actors(
 def _is_visible(
     eye: Float64Array, offsets: Float64Array, distance_m: FloatArray, raycaster: Raycaster
 ) -> NDArray[np.bool_]:
-    """Return whether nothing is between the eye (3,) and points (n,)."""
+    """Return whether the path from the eye (3,) to each point (n,) is free."""
     directions = (offsets / np.linalg.norm(offsets, axis=1, keepdims=True)).astype(np.float32)
     origins = np.tile(eye.astype(np.float32), (len(directions), 1))
     found = raycaster.cast(Rays(origins, directions), MAX_RANGE_M)

@@ -1,4 +1,4 @@
-"""Kinds of points of the parts of the weather, of advercity and of other distributions."""
+"""Kinds of points for parts of the weather, from advercity and other distributions."""
 
 from collections.abc import Mapping
 from functools import cache

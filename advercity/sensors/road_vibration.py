@@ -1,6 +1,6 @@
 """Vertical acceleration of a vehicle's body on a rough road.
 
-The road is a sum of waves with the spectrum of ISO 8608; its phases are drawn once, so that the
+The road is a sum of waves with the spectrum of ISO 8608; its phases are drawn once, so the
 acceleration is a function of place and speed. The body is the sprung mass of the quarter car of
 the International Roughness Index (Sayers, Transportation Research Record 1501, 1995), taken as
 steady at the speed of the moment.
@@ -36,7 +36,7 @@ def compute_vibration(
         vibration: Class of the road.
         travelled_m: (n,) distance of each sample along the road.
         speed_m_s: (n,) speed at each sample.
-        rate_hz: Rate of the samples: what is faster than half of it, the unit filters out.
+        rate_hz: Rate of the samples; the unit filters out frequencies above half of it.
         key: Key of the road's phases, the same for all samples.
     """
     frequency = WAVES_CYCLES_M * np.asarray(speed_m_s)[:, None]

@@ -1,4 +1,4 @@
-"""Rolling shutters: when rows are exposed, and where an image shows what moves meanwhile.
+"""Rolling shutters: the times of rows, and the places of moving points in an image.
 
 Rows are exposed from the top at an even pace; the middle of the image at the frame's instant.
 """
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from advercity.frames import ActorState
 
 ROUNDS = 5
-"""Rounds in which a point finds its row; each leaves as much of the error before as the point moves
-down in the readout, relative to the height of the image."""
+"""Rounds of the search for a point's row; each multiplies the error by the point's movement down
+the image in the readout, over the height of the image."""
 
 
 def compute_row_times(rows: FloatArray, camera: Camera, height_px: int) -> Float64Array:
-    """Compute when places (n,) down an image are exposed, in seconds from the frame's instant.
+    """Compute the times of places (n,) down an image, in seconds from the frame's instant.
 
-    The middle of the first row is at 0.5. All are exposed at once without a rolling shutter.
+    The middle of the first row is at 0.5. Without a rolling shutter, all times are 0.
     """
     readout_s = 0.0 if camera.shutter is None else camera.shutter.readout_ms / 1000
     return readout_s * (rows / height_px - 0.5)
@@ -37,12 +37,12 @@ def compute_row_times(rows: FloatArray, camera: Camera, height_px: int) -> Float
 
 @dataclass(frozen=True, eq=False)
 class RollingCamera:
-    """Poses of a camera while its rows are exposed.
+    """Poses of a camera during its readout.
 
     Attributes:
         readout_s: Time from the upper edge of the image to the lower one.
-        upper: `world_from_camera` (4, 4) in body axes, half of that before the frame's instant.
-        lower: The same half of it after the frame's instant.
+        upper: `world_from_camera` (4, 4), body axes, half the readout before the frame's instant.
+        lower: The same, half the readout after the frame's instant.
     """
 
     readout_s: float
@@ -50,12 +50,12 @@ class RollingCamera:
     lower: Matrix
 
     def find_row_poses(self, height_px: int) -> Matrix:
-        """Find the poses (h, 4, 4) when the middles of rows are exposed."""
+        """Find the poses (h, 4, 4) at the times of the middles of rows."""
         fractions = (np.arange(height_px) + 0.5) / height_px
         return poses.interpolate_poses(self.upper, self.lower, fractions)
 
     def place_points(self, points: Float64Array, model: CameraModel) -> Float64Array:
-        """Place points (n, 3) of the world in body axes when the rows that show them are exposed.
+        """Place points (n, 3) of the world in body axes at the times of their rows.
 
         `model` is the projection of the camera.
         """
@@ -64,7 +64,7 @@ class RollingCamera:
     def place_moving_points(
         self, state: ActorState, points: Float64Array, model: CameraModel
     ) -> Float64Array:
-        """Place points (n, 3) of an actor, in its frame, as `place_points` does."""
+        """Place points (n, 3) of an actor, given in its frame, as `place_points` does."""
         upper, lower = (
             state.motion.advance_pose(state.world_from_body, half * self.readout_s)
             for half in (-0.5, 0.5)
@@ -80,7 +80,7 @@ class RollingCamera:
     def _place(
         self, move: Callable[[Float64Array], Float64Array], count: int, model: CameraModel
     ) -> Float64Array:
-        """Place n points, which `move` gives in the world at fractions (n,) of the readout."""
+        """Place n points; `move` returns them in the world at fractions (n,) of the readout."""
         fractions, placed = np.full(count, 0.5), np.zeros((count, 3))
         for _ in range(ROUNDS):
             world_from_camera = poses.interpolate_poses(self.upper, self.lower, fractions)

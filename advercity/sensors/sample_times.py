@@ -1,4 +1,4 @@
-"""When a sensor with a clock of its own samples, and which of its samples belong to a frame."""
+"""Sample times of a sensor with its own clock, and its samples in a frame."""
 
 import math
 from dataclasses import dataclass
@@ -11,19 +11,18 @@ from advercity.geometry.arrays import Float64Array
 from advercity.randomness import create_generator
 
 MAX_JITTER_PERIODS = 0.45
-"""Jitter is cut off where samples would come close to changing places."""
+"""Largest jitter, in periods; from half a period on, samples could change places."""
 _BLOCK = 64
-"""Samples whose jitter one generator draws."""
+"""Number of samples with jitter from one generator."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampleTimes:
-    """The n samples since the previous frame, the frame's instant included.
+    """The n samples since the previous frame, including the frame's instant.
 
     Attributes:
-        first: Number of the first of them; samples of a scenario are numbered from 0, and
-            successive ones follow each other.
-        fractions: (n,) their times from 0 at the previous frame to 1 at this one.
+        first: Number of the first sample, from 0 in a scenario; the others have successive numbers.
+        fractions: (n,) times, from 0 at the previous frame to 1 at this one.
         step_s: Nominal time between samples.
     """
 
@@ -35,7 +34,7 @@ class SampleTimes:
 def list_sample_times(
     sensor: Sampled, tick_s: float, frame: int, *, key: tuple[int | str, ...]
 ) -> SampleTimes:
-    """List the samples that a sensor takes between two frames, a function of the frame alone.
+    """List the samples of a sensor between two frames, a function of the frame alone.
 
     Args:
         sensor: Rate, offset and jitter.
@@ -47,12 +46,12 @@ def list_sample_times(
         return SampleTimes(frame, np.ones(1), tick_s)
     step_s = 1.0 / sensor.rate_hz
     steps_per_tick, offset = tick_s / step_s, sensor.offset_ms / 1000.0 / step_s
-    # The first frame has samples of the tick before it, so the number 0 is earlier than that.
+    # The first frame has samples of the tick before it, so the number 0 is before this tick.
     number_from_zero = math.ceil(steps_per_tick + offset) + 2
     first = math.floor((frame - 1) * steps_per_tick - offset) - 1
     numbers = np.arange(first, first + math.ceil(steps_per_tick) + 4)
     late = _draw_jitter(sensor, step_s, numbers + number_from_zero, key)
-    # Rounded, so that a sample at a frame's instant belongs to it on every machine.
+    # Rounded, so a sample at a frame's instant belongs to the frame on every machine.
     fractions = np.round((numbers + offset + late) / steps_per_tick - (frame - 1), 9)
     inside = (fractions > 0.0) & (fractions <= 1.0)
     begin = int(numbers[inside][0]) if inside.any() else first
@@ -61,11 +60,11 @@ def list_sample_times(
 
 @dataclass(frozen=True)
 class SampleMoment:
-    """When a sensor measured.
+    """Time of a sensor's sample.
 
     Attributes:
-        frame: Number of the frame at or after it.
-        shift_s: Time from that frame, 0 or negative, less than a tick.
+        frame: Number of the frame at or after the sample.
+        shift_s: Time from the frame, 0 or negative, less than a tick.
     """
 
     frame: int
@@ -75,10 +74,10 @@ class SampleMoment:
 def find_newest_sample(
     sensor: Sampled, tick_s: float, frame: int, *, key: tuple[int | str, ...]
 ) -> SampleMoment:
-    """Find the newest sample of a sensor that is not after a frame.
+    """Find the newest sample of a sensor at or before a frame.
 
-    Before the first frame there is nothing to measure: a sensor without a sample until a frame has
-    measured at the first.
+    There is no state before the first frame: a sensor without a sample up to a frame is taken to
+    have measured at the first.
     """
     for number in range(frame, -1, -1):
         fractions = list_sample_times(sensor, tick_s, number, key=key).fractions
@@ -90,7 +89,7 @@ def find_newest_sample(
 def _draw_jitter(
     sensor: Sampled, step_s: float, numbers: NDArray[np.int64], key: tuple[int | str, ...]
 ) -> Float64Array:
-    """Draw by how many periods samples (n,) are late."""
+    """Draw the delays (n,) of samples, in periods."""
     if sensor.jitter_ms == 0.0:
         return np.zeros(len(numbers))
     blocks = range(int(numbers[0]) // _BLOCK, int(numbers[-1]) // _BLOCK + 1)

@@ -36,10 +36,10 @@ class ProjectedBox:
     """An actor in one camera image.
 
     Attributes:
-        visible_px: Number of pixels that show the actor.
+        visible_px: Number of the actor's pixels.
         outline_px: Area of the actor's outline inside the image.
         truncation: Fraction of the outline outside the image.
-        visible_box: Bounding box of the pixels that show the actor; None if no pixel does.
+        visible_box: Bounding box of the actor's pixels; None if there are none.
         outline_box: Bounding box of the outline inside the image.
     """
 
@@ -51,12 +51,12 @@ class ProjectedBox:
 
     @property
     def occlusion(self) -> float:
-        """Fraction of the outline inside the image that other things hide."""
+        """Hidden fraction of the outline inside the image."""
         return 1.0 - min(1.0, self.visible_px / self.outline_px)
 
     @property
     def visible_fraction(self) -> float:
-        """Fraction of the whole outline that the image shows."""
+        """Visible fraction of the whole outline."""
         return (1.0 - self.occlusion) * (1.0 - self.truncation)
 
 
@@ -68,7 +68,7 @@ class CameraImage:
         world_from_camera: (4, 4), body axes: x along the view, y left, z up.
         image: (h, w, 3) uint8 RGB.
         semantic: (h, w) uint8 of `Semantic`.
-        depth_cm: (h, w) uint16, centimetres along the optical axis; 65535 for that and all beyond.
+        depth_cm: (h, w) uint16, centimetres along the optical axis; 65535 at and beyond 65535 cm.
         projected_boxes: Boxes by actor id, of the actors whose outline overlaps the image.
         instance: (h, w) int32 actor id, 0 for everything static; None if the rig does not ask.
         normal: (h, w, 3) float32, unit, x right, y down, z along the view, zero for sky; None if
@@ -76,9 +76,9 @@ class CameraImage:
         flow: Motion to the next image; None if the rig does not ask.
         hdr: (h, w, 3) uint16, linear; None if the rig does not ask.
         raw: (h, w) uint16, of the sensor's pixels; None if the rig does not ask.
-        readout: What the values of `hdr` and `raw` mean; None if the rig asks for neither.
-        rolling: Poses while the rows are exposed; None if all are at once.
-        time_s: When it was taken, as of a `LidarScan`.
+        readout: Exposure, and scale of `hdr` and `raw`; None if the rig asks for neither.
+        rolling: Poses during the readout; None if all rows are exposed at once.
+        time_s: Time of the image, as in `LidarScan`.
     """
 
     world_from_camera: Matrix
@@ -103,8 +103,8 @@ class LidarScan:
     Attributes:
         world_from_lidar: (4, 4) at the frame's instant.
         point_cloud: Points in the LiDAR's frame.
-        hits: Number of beams of the noise-free LiDAR that hit an actor, by actor id.
-        time_s: When it was measured, as `Frame.time_s`, by a sensor with a rate of its own.
+        hits: Number of the noise-free LiDAR's beams on each actor, by actor id.
+        time_s: Time of the scan, as `Frame.time_s`; None without a rate of its own.
     """
 
     world_from_lidar: Matrix
@@ -123,7 +123,7 @@ class ThermalImage:
         semantic: (h, w) uint8 of `Semantic`.
         instance: (h, w) int32 id of the actor; 0 for everything static.
         projected_boxes: Actors in the image, by their ids.
-        time_s: When it was taken, as of a `LidarScan`.
+        time_s: Time of the image, as in `LidarScan`.
     """
 
     world_from_camera: Matrix
@@ -142,7 +142,7 @@ class RadarScan:
         world_from_radar: (4, 4) at the frame's instant.
         detections: Detections in the radar's frame.
         cube: Powers of all cells; None if the radar reports detections only.
-        time_s: When it was measured, as of a `LidarScan`.
+        time_s: Time of the measurement, as in `LidarScan`.
     """
 
     world_from_radar: Matrix
@@ -160,13 +160,13 @@ class SensorFrame:
         frame: True state of all actors at this tick.
         world_from_agent: (4, 4), the vehicle's origin on the ground or the roadside unit.
         estimated_world_from_agent: (4, 4), the same as estimated by the agent's localisation.
-        readings: What its sensors measured, by the names of their kinds and then by their numbers;
-            kinds without a measurement may be left out. There is at least one of a LiDAR.
-        min_points: Number of points that an actor must return to be annotated.
+        readings: Measurements of its sensors, by the names of their kinds and then by their
+            numbers; kinds without a measurement may be left out. At least one LiDAR has measured.
+        min_points: Least number of points on an annotated actor.
         planned_trajectory: Next points of the agent's trajectory: x, y, speed in m/s.
         conflict_roles: Roles of all actors in staged conflicts.
         weather: Weather at this tick if it changes over time, else None.
-        sent: What it sends at this tick; None without a V2X channel.
+        sent: Messages of the agent at this tick; None without a V2X channel.
     """
 
     agent: Agent
@@ -188,7 +188,7 @@ class SensorFrame:
         return self.frame.get_state(self.agent.number).speed_m_s
 
     def with_readings(self, **readings: Sequence[Any]) -> "SensorFrame":
-        """Return it with other measurements of some kinds of sensors."""
+        """Return the frame with other measurements of some kinds of sensors."""
         return replace(self, readings={**self.readings, **readings})
 
     @property
@@ -228,7 +228,7 @@ class SensorFrame:
 
     @property
     def stamps(self) -> dict[str, float]:
-        """When sensors with rates of their own measured, as `Frame.time_s`, by name."""
+        """Times of measurements by sensors with their own rates, as `Frame.time_s`, by name."""
         return {
             f"{kind.name}{number}": item.time_s
             for kind in load_sensor_kinds().found.values()
@@ -249,7 +249,7 @@ class SensorFrame:
 
     @property
     def lidar_hits(self) -> Mapping[int, int]:
-        """Number of beams of all noise-free LiDARs that hit an actor, by actor id."""
+        """Number of all noise-free LiDARs' beams on each actor, by actor id."""
         return sum((Counter(scan.hits) for scan in self.lidar_scans), Counter[int]())
 
     def build_thermal_model(self, camera: int) -> CameraModel:

@@ -1,6 +1,6 @@
-"""Spray that wheels throw up from a wet road: a box-shaped plume behind each fast vehicle.
+"""Spray from wheels on a wet road: a box-shaped plume behind each fast vehicle.
 
-LiDARs and cameras see the same plumes.
+LiDARs, radars and cameras share the same plumes.
 """
 
 from collections.abc import Iterable, Iterator
@@ -26,7 +26,7 @@ PLUME_LENGTH_M, PLUME_HEIGHT_M = 12.0, 1.3
 PLUME_DECAY_M = 6.5
 """Distance behind the vehicle over which the water falls to 1/e."""
 MAX_PLUME_DISTANCE_M = 60.0
-"""Distance beyond which plumes are left out: they scatter and attenuate too little to matter."""
+"""Distance beyond which plumes are left out, as they scatter and attenuate too little."""
 SPRAYING_CLASSES = ("car", "van", "truck", "motorcycle")
 
 
@@ -71,7 +71,7 @@ _UNIT_CORNERS = np.array([[x, y, z] for y in (-1, 1) for x in (-1, 1) for z in (
 
 
 def iterate_spraying_states(states: Iterable[ActorState]) -> Iterator[ActorState]:
-    """Yield the vehicles that are fast enough and of a class that throws up spray."""
+    """Yield the vehicles of a spraying class that are fast enough."""
     for state in states:
         if state.speed_m_s >= MIN_SPRAY_SPEED_M_S and state.actor.actor_class in SPRAYING_CLASSES:
             yield state
@@ -82,9 +82,9 @@ def intersect_box(
 ) -> tuple[FloatArray, FloatArray]:
     """Intersect rays with a box around the frame's origin (slab test).
 
-    Components of `directions` (..., 3) that are smaller than `epsilon` count as that, since they
-    are divided by. Returns the distances (...) at which each ray enters, at least 0, and leaves;
-    a ray that misses the box leaves it before it enters.
+    Components of `directions` (..., 3) smaller than `epsilon` count as `epsilon`, as they are
+    divisors. Returns the distances (...) of each ray's entry, at least 0, and exit; a ray past the
+    box has its exit before its entry.
     """
     slope = 1.0 / np.where(np.abs(directions) < epsilon, epsilon, directions)
     low, high = (-half_size - origin) * slope, (half_size - origin) * slope

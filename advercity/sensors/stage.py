@@ -1,4 +1,4 @@
-"""What sensors measure with: the placed frame of an open scenario, its rays and its renderer."""
+"""The placed frame of an open scenario, with rays and renderer for its sensors."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ class Stage:
         poses: Poses of its agents and their sensors.
         world: Its world.
         renderer: Renders its cameras.
-        profile: How well it renders, and the scale of images.
+        profile: Quality of rendering, and the scale of images.
         backend_name: Name of the renderer's backend.
         raycaster: Casts rays; `place_raycaster` places its actors.
         find_hull_points: Finds points on the hull of a state's body.
@@ -55,7 +55,7 @@ class Stage:
 
     @property
     def weather_state(self) -> int:
-        """Number that differs between frames whose weather may differ."""
+        """Number of the weather; frames with the same number have the same weather."""
         return self.frame.index if self.poses.timeline.is_changing else 0
 
     def place(self, index: int) -> None:
@@ -78,7 +78,7 @@ class Stage:
     def place_raycaster(
         self, frame: Frame, agent: Agent, *, previous_frame: Frame | None = None
     ) -> Raycaster:
-        """Place the actors of a frame for rays of an agent's sensors, which do not see the agent.
+        """Place the actors of a frame, except the agent, for rays of the agent's sensors.
 
         With `previous_frame`, rays may be cast at any time between the two.
         """
@@ -101,13 +101,13 @@ class Stage:
         return self._sampled_frames[moment]
 
     def find_stamp(self, kind: str, agent: Agent, number: int) -> float | None:
-        """Find the time of that sample; None of a sensor that samples with every frame."""
+        """Find the time of a sensor's newest sample; None if it samples with every frame."""
         if agent.sensors.list_sensors(kind)[number].model.rate_hz is None:
             return None
         return self.find_sampled_frame(kind, agent, number).time_s
 
     def find_light_sources(self, frame: Frame) -> tuple[LightSource, ...]:
-        """Find the lamps that light the scene at a time; none by day."""
+        """Find the lamps of the scene at a time; none by day."""
         if not self.atmosphere.night:
             return ()
         if frame.time_s not in self._light_sources:
@@ -131,15 +131,15 @@ class SensorDriver:
     def measure(self, agent: Agent, number: int) -> Any | None:
         """Measure with a sensor of an agent; agents and numbers come in the order of the spec.
 
-        A measurement of a sensor with a place has the attribute `time_s`, as of `Stage.find_stamp`.
+        A measurement of a sensor with a place has the attribute `time_s`, from `Stage.find_stamp`.
         """
         raise NotImplementedError
 
     def estimate_pose(self, agent: Agent) -> Matrix | None:
-        """Estimate the pose (4, 4) of an agent after it has measured; None if it does not."""
+        """Estimate the pose (4, 4) of an agent after its measurements; None without an estimate."""
         return None
 
 
 def list_carrier_ids(agent: Agent) -> frozenset[int]:
-    """List the actor that carries an agent's sensors, which must be invisible to them."""
+    """List the actor below an agent's sensors, which must be invisible to them."""
     return frozenset() if isinstance(agent.place, RoadsideUnit) else frozenset({agent.number})

@@ -31,7 +31,7 @@ from advercity.sensors.stage import SensorDriver, Stage, list_carrier_ids
 
 
 class CameraDriver(SensorDriver):
-    """Measures with cameras, whose light is rendered for all agents together where it can be."""
+    """Measures with cameras; renders the light for all agents together where possible."""
 
     def __init__(self, stage: Stage) -> None:
         super().__init__(stage)
@@ -40,7 +40,7 @@ class CameraDriver(SensorDriver):
         self._captures: Iterator[CameraCapture] = iter(())
 
     def prepare(self) -> None:
-        """Begin to render what the cameras of all agents see."""
+        """Begin to render the light at the cameras of all agents."""
         self._captures = self._render_captures()
 
     def measure(self, agent: Agent, number: int) -> CameraImage:
@@ -79,7 +79,7 @@ class CameraDriver(SensorDriver):
         )
 
     def capture(self, agent: Agent, number: int) -> CameraCapture:
-        """Render the light that arrives at one camera alone."""
+        """Render the light at one camera alone."""
         return self._capture_moments(agent, [number])[0]
 
     def capture_image(self, agent: Agent, number: int) -> Uint8Array:
@@ -91,7 +91,7 @@ class CameraDriver(SensorDriver):
         """Render the light at all cameras of the placed frame, by agents and their cameras."""
         agents = self.stage.spec.agents
         if any(item.model.has_moments for agent in agents for item in agent.sensors.cameras):
-            # Agent by agent, since the images of all would take much memory.
+            # Agent by agent, to save memory.
             return chain.from_iterable(
                 self._capture_moments(agent, range(len(agent.sensors.cameras))) for agent in agents
             )
@@ -120,7 +120,7 @@ class CameraDriver(SensorDriver):
     def _capture_together(
         self, agent: Agent, cameras: Sequence[int], frame: Frame
     ) -> list[CameraCapture]:
-        """Render the light at cameras that take their images at one time."""
+        """Render the light at cameras with the same sample time."""
         blenders = {camera: self._build_blender(agent, camera, frame) for camera in cameras}
         instants = set[Instant]().union(*(one.instants for one in blenders.values()))
         for instant in sorted(instants, key=lambda one: (one.time_s, one.exposure_s or 0.0)):
@@ -211,7 +211,7 @@ class CameraDriver(SensorDriver):
 def find_rolling_camera(
     agent_poses: AgentPoses, agent: Agent, camera: int, frame: Frame
 ) -> RollingCamera | None:
-    """Find the poses of a camera while its rows are exposed; None if all are at once."""
+    """Find the poses of a camera during its readout; None if all rows are exposed at once."""
     kind = agent.sensors.cameras[camera].model
     if not kind.is_rolling:
         return None
@@ -254,7 +254,7 @@ def build_camera_view(
 def _turn_normals(normal: NDArray[np.float32], world_from_camera: Matrix) -> NDArray[np.float32]:
     """Turn vectors (h, w, 3) of the world into a camera's optical axes.
 
-    It has a pose for each row (h, 4, 4), or one for the whole image (1, 4, 4).
+    The camera has a pose for each row (h, 4, 4), or one for the whole image (1, 4, 4).
     """
     rotations = poses.OPTICAL_FROM_BODY[:3, :3] @ world_from_camera[:, :3, :3].swapaxes(1, 2)
     return (normal @ rotations.swapaxes(1, 2)).astype(np.float32)

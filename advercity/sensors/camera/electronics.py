@@ -1,7 +1,7 @@
 """Turns light on the sensor into an image: exposure, white balance, noise and tone.
 
-The chain is EMVA 1288's linear camera with the exposure arithmetic of ISO 12232, and a sensor that
-resolves highlights beyond that, as those of vehicles do.
+The chain is EMVA 1288's linear camera with the exposure arithmetic of ISO 12232. The sensor also
+resolves highlights above saturation, as automotive sensors do.
 """
 
 import math
@@ -29,7 +29,7 @@ WHITE_DN = HDR_FULL_VALUE
 MAX_DN = 16 * WHITE_DN
 """Largest value of a sensor with four stops of highlights."""
 MIDDLE_GREY = 0.18
-"""Fraction of a full pixel up to which the tone curve is that of sRGB alone."""
+"""Fraction of a full pixel up to which the tone curve is plain sRGB."""
 FULL_WELL_E = 10_000.0
 """Electrons of a full pixel at ISO 100."""
 READ_NOISE_E = 3.0
@@ -40,25 +40,26 @@ HEADROOM = 1.2
 AUTO_EV100_RANGE = (2.0, 15.5)
 """Range of automatic exposure."""
 MIN_SHUTTER_S, MAX_SHUTTER_S = 20e-6, 1.0 / 30.0
-"""Range in which a self-exposing sensor moves its shutter: up to a frame of a camera of 30 Hz."""
+"""Shutter range of a self-exposing sensor: up to a frame of a camera of 30 Hz."""
 BASE_ISO, MAX_ISO = 100.0, 10_000.0
-"""Range in which it then moves its gain: from a full well that fills the converter to where `auto`
-ends at f/1.4 and 1/200 s."""
+"""Gain range of a self-exposing sensor: from a full well that fills the converter to the end of
+`auto` at f/1.4 and 1/200 s."""
 METERED_FROM_ROW = 1 / 3
-"""Fraction of the rows, from the top, that the meter ignores: the sky."""
+"""Fraction of the rows, from the top, ignored by the meter: the sky."""
 METERED_PERCENTILE = 98.0
 HIGHLIGHT_PERCENTILE = 98.0
-"""Percentile of pixels that the tone curve makes white; brighter ones are lamps and the sun."""
+"""Percentile of pixels shown as white by the tone curve; brighter ones are lamps and the sun."""
 HIGHLIGHT_STEP = 4
-"""Step of rows and columns that are sampled for it."""
+"""Step of the rows and columns sampled for it."""
 NEUTRAL_WHITE = np.ones(3)
 _MIN_METERED_CD_M2 = 1e-5
 _LUMINANCE_WEIGHTS_32 = LUMINANCE_WEIGHTS.astype(np.float32)
 DAY_WHITE_RANGE_K = (5500.0, 7500.0)
 NIGHT_WHITE_RANGE_K = (3500.0, 7500.0)
-"""Ranges of white; scenes that are yellower or bluer stay so, as in dust and under a low sun."""
+"""Ranges of white; yellower or bluer scenes stay so, as in dust and under a low sun."""
 SWITCH_FRACTION = 0.9
-"""Fraction of a full pixel from which the next shorter exposure is taken: noise fills none."""
+"""Fraction of a full pixel from which the next shorter exposure is taken; below it, noise does not
+fill a pixel."""
 COLOUR_CHANNELS = "rgb"
 """Letters of the colours in names of filter patterns, by channel."""
 
@@ -67,9 +68,9 @@ COLOUR_CHANNELS = "rgb"
 def build_tone_curve(brightest_ev: float) -> NDArray[np.uint8]:
     """Build the table (MAX_DN + 1,) from converter values to 8-bit values of the image.
 
-    If nothing is brighter than a full pixel (`brightest_ev`, in stops above it, is 0) it is sRGB.
-    Otherwise values above middle grey are rolled off towards white as film does, by Reinhard's
-    extended curve (2002): it leaves middle grey with slope 1 and is white at the brightest.
+    `brightest_ev` is in stops above a full pixel. At 0 the curve is sRGB. Otherwise values above
+    middle grey roll off towards white as on film, by Reinhard's extended curve (2002), which has
+    slope 1 at middle grey and is white at the brightest value.
     """
     linear = np.arange(MAX_DN + 1) / WHITE_DN
     brightest = 2.0**brightest_ev
@@ -95,13 +96,13 @@ class ExposureSettings:
     binned_pixels: float = 1.0
     """Number of the sensor's pixels in one of the image."""
     highlights_ev: float = 0.0
-    """Stops beyond saturation that the sensor's short exposures still resolve."""
+    """Stops above saturation resolved by the sensor's short exposures."""
     combined_exposures: int = 1
-    """Number of its exposures, the long one included."""
+    """Number of the sensor's exposures, including the long one."""
 
     @property
     def saturation_cd_m2(self) -> float:
-        """Luminance that just fills a pixel in the long exposure."""
+        """Least luminance of a full pixel in the long exposure."""
         return HEADROOM * 2.0**self.ev100
 
     @property
@@ -120,12 +121,12 @@ def meter_exposure(
 ) -> ExposureSettings:
     """Choose the settings for an image (h, w, 3) in cd/m² in the mode of `exposure`.
 
-    Manual exposure is given by the three numbers. Automatic exposure puts the log-average of the
-    lower two thirds, without highlights, at middle grey; a grey filter removes surplus light and
-    gain makes up for missing light, so that the shutter stays as authored. A self-exposing sensor
+    Manual exposure follows from f-number, shutter and ISO. Automatic exposure puts the log-average
+    of the lower two thirds, without highlights, at middle grey; a grey filter removes surplus light
+    and gain makes up for missing light, so the shutter stays as authored. A self-exposing sensor
     moves the shutter as far as it can, and then its gain.
 
-    Scenes that are lighter than a grey card in the same light, as in snow and fog, stay lighter;
+    Scenes lighter than a grey card in the same light, as in snow and fog, stay lighter;
     `white_card_cd_m2` is a white card on open ground, inf if the camera cannot know it.
     """
     authored = exposure_value(exposure)
@@ -151,8 +152,8 @@ def digitise(
     """Convert fractions of a full pixel to values of 12 bits and highlights.
 
     Shot noise is the normal approximation to Poisson's law, read noise is normal; without a
-    generator there is none. Of several exposures each value is of the longest that is not full, so
-    that the ratio of signal to noise falls where the next takes over.
+    generator there is none. With several exposures, each value is taken from the longest exposure
+    that is not full, so the ratio of signal to noise falls where the next takes over.
     """
     full_dn = WHITE_DN * 2.0**setting.highlights_ev
     digital = np.clip(fill_fraction * np.float32(WHITE_DN), 0.0, full_dn)
@@ -174,7 +175,7 @@ def digitise(
 def _find_exposure_ratios(
     digital: NDArray[np.float32], setting: ExposureSettings | Camera
 ) -> NDArray[np.float32]:
-    """Find how many times shorter than the long exposure each value's is, in their shape."""
+    """Return the ratio of the long exposure to the exposure of each value, in their shape."""
     last = setting.combined_exposures - 1
     between_ev = setting.highlights_ev / last
     over = digital / np.float32(SWITCH_FRACTION * WHITE_DN)
@@ -190,9 +191,9 @@ def digitise_raw(
 ) -> NDArray[np.uint16]:
     """Convert light (h, w, 3) in cd/m² to values (h, w) of pixels behind filters of one colour.
 
-    They are those of the long exposure, which a full pixel ends, or with the highlights that
-    `sensor_values` of the camera have, without white balance. Noise is that of `digitise`; below
-    the black level it shows as far as 0.
+    Values are of the long exposure up to a full pixel, or include the highlights of the camera's
+    `sensor_values`; they have no white balance. Noise is as in `digitise` and shows below the black
+    level, down to 0.
     """
     raw = camera.sensor_values
     electrons = _select_filtered(light, raw.pattern) * np.float32(
@@ -213,7 +214,7 @@ def compute_raw_variance(
 ) -> NDArray[np.float32]:
     """Compute the variance of shot and read noise in squared electrons of the long exposure.
 
-    A value of an exposure that is r times shorter counts r times its electrons.
+    A value of an r times shorter exposure counts r times its electrons.
     """
     read_variance = np.float32(readout.read_noise_e**2)
     if camera.combined_exposures == 1 or camera.sensor_values.highlights_ev == 0:
@@ -225,7 +226,7 @@ def compute_raw_variance(
 
 
 def _select_filtered(light: NDArray[np.float32], pattern: str) -> NDArray[np.float32]:
-    """Select the channel (h, w) of light (h, w, 3) that each pixel's filter passes."""
+    """Select the channel (h, w) of light (h, w, 3) passed by each pixel's filter."""
     mosaic = np.empty(light.shape[:2], np.float32)
     for place, colour in enumerate(pattern):
         every = slice(place // 2, None, 2), slice(place % 2, None, 2)
@@ -258,10 +259,10 @@ def _metered_luminance(radiance: NDArray[np.float32]) -> float:
 
 
 def find_brightest_ev(sampled: NDArray[np.floating], highlights_ev: float) -> float:
-    """Compute the stops of an image's highlights above a full pixel, up to those of the sensor.
+    """Compute the stops of an image's highlights above a full pixel, at most `highlights_ev`.
 
-    `sampled` (h, w, 3) are pixels of it, `HIGHLIGHT_STEP` apart, in full pixels. Rounded up
-    to eighths, so that few tone curves are built.
+    `sampled` (h, w, 3) are pixels of the image, `HIGHLIGHT_STEP` apart, in full pixels. The result
+    is rounded up to eighths, so few tone curves are built.
     """
     highlights = np.percentile(sampled.max(axis=2), HIGHLIGHT_PERCENTILE)
     return min(max(0.0, math.ceil(8.0 * math.log2(max(highlights, 1.0))) / 8.0), highlights_ev)
@@ -280,11 +281,10 @@ _NORMAL_TABLE = _build_normal_table()
 
 
 def find_white_point(atmosphere: Atmosphere) -> Float64Array:
-    """Find the colour (3,) at luminance 1 that the camera shows as grey.
+    """Find the colour (3,) at luminance 1 shown as grey by the camera.
 
-    It is the black body nearest to the light on level ground within the camera's range: of sun, sky
-    and, by night, street lamps. A cast that no black body has, such as green,
-    stays.
+    It is the black body, within the camera's range, nearest to the light of sun, sky and, by night,
+    street lamps on level ground. Other casts, such as green, stay.
     """
     illuminant = _ground_illuminance(atmosphere)
     low_k, high_k = NIGHT_WHITE_RANGE_K if atmosphere.night else DAY_WHITE_RANGE_K
@@ -296,7 +296,7 @@ def _ground_illuminance(atmosphere: Atmosphere) -> Float64Array:
     sky = atmosphere.sky.astype(np.float64)
     size = sky.shape[1]
     weight = np.maximum(cubemap_directions(size)[..., 2], 0.0) * cubemap_solid_angles(size)
-    # Not by a product of matrices: OpenBLAS sums in another order for every number of threads.
+    # No matrix product: OpenBLAS sums in another order for every number of threads.
     diffuse = np.einsum("fij,fijc->c", weight, sky)
     direct = atmosphere.sun_lx * max(0.0, float(atmosphere.sun_direction[2]))
     sun = direct * np.asarray(atmosphere.sun_colour)

@@ -1,4 +1,4 @@
-"""Exposes the light on a sensor: the image, and what was measured for it."""
+"""Exposes the light on a sensor to an image, and reports the exposure."""
 
 from dataclasses import dataclass, replace
 
@@ -21,11 +21,11 @@ from advercity.sensors.measurements import CameraReadout
 
 @dataclass(frozen=True, eq=False)
 class ExposedImage:
-    """What a camera makes of the light on its sensor.
+    """The outputs of one exposure.
 
     Attributes:
         image: (h, w, 3) uint8 RGB.
-        readout: What the values of the others mean.
+        readout: Exposure, and scale of the values of `hdr` and `raw`.
         hdr: (h, w, 3) uint16, linear, white-balanced; None if the camera writes none.
         raw: (h, w) uint16 of the sensor's pixels; None if the camera writes none.
     """
@@ -47,7 +47,7 @@ def expose_image(
     """Expose and digitise the light on a sensor.
 
     `light` is (h, w, 3) cd/m² at any scale of the camera's size: a pixel of a smaller image gathers
-    the light of all pixels that it represents. `white_point` (3,) of luminance 1 becomes grey.
+    the light of all sensor pixels in its area. `white_point` (3,) of luminance 1 becomes grey.
     """
     pixels = light.shape[0] * light.shape[1]
     binned = max(1.0, camera.width_px * camera.height_px / pixels)
@@ -83,6 +83,6 @@ def expose_image(
         image=build_tone_curve(brightest_ev).take(digital),
         readout=readout,
         hdr=digital if camera.hdr else None,
-        # After the image, whose noise is the same with and without it.
+        # After the image, so its noise is the same with and without `raw`.
         raw=digitise_raw(light, camera, readout, noise) if camera.raw else None,
     )

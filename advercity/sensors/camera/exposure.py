@@ -15,7 +15,7 @@ from advercity.rendering.cover import Cover
 from advercity.sensors.camera.lens_map import LensMap
 
 LENS_FOCAL_LENGTH_M = 0.004
-"""Focal length of every lens, which with the f-number gives the width of the aperture."""
+"""Focal length of every lens; the width of the aperture follows with the f-number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +27,9 @@ class CameraExposure:
         camera: Exposure settings and optics as authored.
         frame: Actors on the road.
         velocity: Velocity (3,) of the camera in the world, m/s.
-        light_sources: Lamps that light the scene; none by day, when daylight outshines them.
-        lens_map: How the lens distorts the rendered image; None of a pinhole.
-        cover: What keeps drops and flakes off parts of the world; None without any.
+        light_sources: Lamps in the scene; none by day, when daylight outshines them.
+        lens_map: Map from the rendered image to the camera's; None for a pinhole.
+        cover: Surfaces above the ground, with no drops or flakes below; None if there are none.
     """
 
     view: CameraView
@@ -56,7 +56,7 @@ class CameraExposure:
         return self.view.world_from_camera[:3, 3]
 
     def with_shutter(self, shutter_s: float) -> "CameraExposure":
-        """Return the same exposure with another shutter time than authored."""
+        """Return the same exposure with another shutter time."""
         exposure = self.camera.exposure.model_copy(update={"shutter_s": shutter_s})
         return replace(self, camera=self.camera.model_copy(update={"exposure": exposure}))
 
@@ -82,7 +82,7 @@ class CameraExposure:
     def frustum(self, near_m: float, far_m: float) -> tuple[Float64Array, Float64Array]:
         """Compute planes (6, 4) and corners (8, 3) of the visible volume between two depths.
 
-        In metres from the eye, in the world's axes; a point x is inside if n·x + d >= 0.
+        Both are in metres from the eye, in the world's axes; a point x is inside if n·x + d >= 0.
         """
         across = math.tan(self.view.horizontal_fov_rad / 2.0)
         down = across * self.view.height_px / self.view.width_px
@@ -101,7 +101,7 @@ def pixel_rays(
 ) -> tuple[Float64Array, Float64Array]:
     """Compute unit rays (r, c, 3) in the camera's axes, and their lengths (r, c) in pixels.
 
-    They pass through offsets (r,) down and (c,) to the right from the image's centre.
+    Rays pass through offsets (r,) down and (c,) to the right from the image's centre.
     """
     down, right = np.meshgrid(down_px, right_px, indexing="ij")
     rays = np.stack([np.full_like(down, focal_px), -right, -down], axis=-1)

@@ -1,8 +1,8 @@
 """Drops and flakes in the air near a camera, each at its own position in the world.
 
-Particles of nearly one size fall alike, so each size is a rigid block of cells that repeats in all
-directions and moves with the particles' velocity. The position of every particle at any time is a
-closed formula: all cameras see the same ones, and frames can be computed in any order.
+Particles of nearly one size fall alike, so each size is a rigid block of cells, repeated in all
+directions and moved with the particles' velocity. The position of every particle at any time is a
+closed formula: all cameras see the same particles, and frames can be computed in any order.
 """
 
 import itertools
@@ -29,7 +29,7 @@ CELLS_PER_EDGE = 16
 PARTICLES_PER_BLOCK = 2**16
 """Mean number of particles in a block."""
 GUSTINESS = 0.3
-"""Standard deviation of the wind that sways flakes, relative to its mean."""
+"""Standard deviation of the wind on flakes, relative to its mean."""
 SWAY_HZ = 0.8
 SWAY_CYCLE_RAD = 20.0 * math.pi
 """Phase after which a sway, of three frequencies, repeats."""
@@ -69,11 +69,11 @@ class ParticleBand:
     """A band of sizes and fall speeds.
 
     Attributes:
-        part: The particles, of the moment with the most of them.
+        part: The particles at the moment with the most of them.
         low_mm: Least (melted) diameter.
         high_mm: Largest (melted) diameter.
         fall: Fall speed relative to the part's `speed_m_s`.
-        fraction: Fraction of the particles of these sizes that fall like this.
+        fraction: Fraction of the particles of these sizes with this fall speed.
         key: Random key of the band.
     """
 
@@ -116,8 +116,8 @@ class ParticleBlock:
         glint: (n,) float32 as in `FallingParticles`.
         sway_m: Amplitude by which gusts move a particle.
         phase: (n,) float32 phase of the sway, radians; empty without sway.
-        path_m: (3,) by which the block has moved; None if its velocity is constant.
-        shown: Fraction of the particles that fall now.
+        path_m: (3,) path of the block so far; None if its velocity is constant.
+        shown: Fraction of the particles in the air now.
     """
 
     band: ParticleBand
@@ -151,11 +151,11 @@ class ParticleBlock:
     def find_particles(
         self, planes: Float64Array, corners: Float64Array, around: Float64Array, time_s: float
     ) -> FallingParticles:
-        """Find the particles of all cells that intersect a convex volume, so some are outside it.
+        """Find the particles of all cells that intersect a convex volume; some are outside it.
 
         Args:
             planes: (p, 4): unit normal inwards and offset; a point x is inside if n·x + d >= 0.
-            corners: (k, 3) of the volume. Like `planes` in metres from `around`, world axes.
+            corners: (k, 3) of the volume; like `planes` in metres from `around`, world axes.
             around: Centre (3,) in the world.
             time_s: Time since the scenario's start.
         """
@@ -179,7 +179,8 @@ class ParticleBlock:
         start = self.cell_starts[column] - np.cumsum(count) + count
         row = np.arange(len(run)) + start[run]
         if self.shown < 1.0:
-            # Spread evenly over any part of the block, and those of less rain fall in more, too.
+            # The golden ratio spreads the chosen particles evenly over any part of the block. The
+            # particles of lighter rain also fall in heavier rain.
             falls = row * GOLDEN_FRACTION % 1.0 < self.shown
             row, run = row[falls], run[falls]
         position = corner[run] + self.offset_m[row]
@@ -204,8 +205,8 @@ def build_particle_blocks(
 ) -> tuple[ParticleBlock, ...]:
     """Build the blocks of all drops and flakes large enough to see, the same for the same key.
 
-    `all_moments` has the precipitation of all moments of a weather that changes; each block then
-    has as many particles as ever fall, and `move_blocks` selects from them.
+    `all_moments` is the precipitation at all moments of a changing weather; each block then has the
+    largest number of particles of any moment, and `move_blocks` selects from them.
     """
     found = air.extinction.precipitation if all_moments is None else all_moments
     by_name = [[part for part in found if part.name == name] for name in load_all_physics()]
@@ -225,13 +226,13 @@ def build_particle_blocks(
 def move_blocks(
     blocks: Sequence[ParticleBlock], air: Atmosphere, air_path_m: Float64Array, time_s: float
 ) -> tuple[ParticleBlock, ...]:
-    """Return the blocks at a moment of a weather that changes.
+    """Return the blocks at a moment of a changing weather.
 
     Args:
-        blocks: Built with the sizes of all moments.
+        blocks: Blocks with the sizes of all moments.
         air: Atmosphere of the moment.
-        air_path_m: (3,) path of the air, and downwards of flakes in it, as of `WeatherTimeline`.
-        time_s: Time that drops and stones have fallen.
+        air_path_m: (3,) path of the air; downwards, of flakes in it; from `WeatherTimeline`.
+        time_s: Time since drops and stones began to fall.
     """
     parts = {part.name: part for part in air.extinction.precipitation}
     return tuple(
@@ -270,7 +271,7 @@ def _build_block(
     *,
     changes: bool,
 ) -> ParticleBlock:
-    """Draw the particles of a band; those of changing wind sway later, if not now."""
+    """Draw the particles of a band; if the weather `changes`, flakes get a phase even in calm."""
     part, sizes = band.part, band.part.sizes
     rng, sway_m = create_generator(*key, *band.key), band.sway_m(air)
     number_m3 = band.number_m3(part)

@@ -1,9 +1,8 @@
-"""Forms a camera image from the radiance that a renderer captured.
+"""Forms a camera image from rendered radiance.
 
 Radiance in cd/m² passes the air (the sun's disc, spray, drops and flakes), the glass, the lens
 (stray light, ghosts, vignetting, distortion, blur) and the electronics (exposure, white balance,
-noise, tone).
-Absent effects leave the image unchanged bit for bit.
+noise, tone). Absent effects leave the image unchanged bit for bit.
 """
 
 import math
@@ -43,14 +42,14 @@ from advercity.sensors.camera.spray_veil import add_spray
 
 @dataclass(frozen=True, eq=False)
 class CameraConditions:
-    """Air and light as cameras need them.
+    """Air and light for cameras.
 
     Attributes:
         atmosphere: Air and light of the scene.
         lens: Drops, dust or snow on the glass of the cameras.
         blocks: Falling drops and flakes, the same for every camera.
         ambient_light: Light on particles in the air.
-        white_point: (3,) colour that is shown as grey.
+        white_point: (3,) colour shown as grey.
         white_card_cd_m2: Luminance of a white card on open ground; inf by night, when lamps light
             some places only.
         key: Random key of everything in front of the lenses.
@@ -73,7 +72,7 @@ class CameraConditions:
     ) -> "CameraConditions":
         """Derive the conditions; the same key gives the same drops.
 
-        `all_moments` is for a weather that changes, as in `build_particle_blocks`.
+        `all_moments` is for a changing weather, as in `build_particle_blocks`.
         """
         return CameraConditions(
             atmosphere=atmosphere,
@@ -86,7 +85,7 @@ class CameraConditions:
     def change(
         self, atmosphere: Atmosphere, lens: Lens, blocks: tuple[ParticleBlock, ...]
     ) -> "CameraConditions":
-        """Return the conditions of another moment; light is derived again if it is another."""
+        """Return the conditions of another moment; light is derived again if the sky differs."""
         same = atmosphere.sky is self.atmosphere.sky
         light = {} if same else _derive_light(atmosphere)
         return replace(self, atmosphere=atmosphere, lens=lens, blocks=blocks, **light)
@@ -110,16 +109,16 @@ def render_image(
     mount: Mount,
     carrier: str = "",
 ) -> ExposedImage:
-    """Form the image that a camera takes.
+    """Form the image of a camera.
 
-    `mount` and `carrier` decide what is on the glass; `rng` is of this camera and frame, for the
-    electronics.
+    `mount` and `carrier` decide the spots on the glass; `rng` is the generator of this camera and
+    frame, for the electronics.
     """
     light = _light_on_sensor(capture, exposure, conditions, mount, carrier)
     setting = _meter_light(light, exposure, conditions)
     if conditions.blocks and setting.shutter_s != exposure.camera.exposure.shutter_s:
-        # The shutter decides how drops streak; that hardly changes what was metered, so once is
-        # enough.
+        # The shutter decides how drops streak. Streaks hardly change the metered light, so one
+        # correction is enough.
         light = _light_on_sensor(
             capture, exposure.with_shutter(setting.shutter_s), conditions, mount, carrier
         )
@@ -134,7 +133,7 @@ def meter_image(
     mount: Mount,
     carrier: str = "",
 ) -> ExposureSettings:
-    """Meter the exposure of the image that `render_image` forms."""
+    """Meter the exposure of the image of `render_image`."""
     light = _light_on_sensor(capture, exposure, conditions, mount, carrier)
     return _meter_light(light, exposure, conditions)
 
@@ -164,8 +163,8 @@ def _light_on_sensor(
     mount: Mount,
     carrier: str,
 ) -> NDArray[np.float32]:
-    """Compute the light (h, w, 3) in cd/m² that passes air, glass and lens."""
-    # The order of the effects is that of the light on its path to the sensor.
+    """Compute the light (h, w, 3) in cd/m² behind air, glass and lens."""
+    # Effects come in the order of the light's path to the sensor.
     before_lens = add_air_effects(capture, exposure, conditions)
     lens = conditions.lens
     place = carrier, *map(str, mount.model_dump().values())
@@ -174,14 +173,14 @@ def _light_on_sensor(
     light = apply_glass(before_lens.radiance, exposure, lens.kind, covered, spots)
     dirt = exposure.camera.dirt
     if dirt is not None:
-        # Of no weather, road or frame: it stays where it is.
+        # The key has no weather, road or frame, as dirt stays in its place.
         spots = create_generator(dirt.seed, "dirt", *place)
         light = apply_glass(light, exposure, "dust", dirt.coverage, spots)
     fov_rad = exposure.view.horizontal_fov_rad
     light = add_stray_light(light, horizontal_fov_rad=fov_rad, fraction=lens.stray_light)
     light = add_lens_ghosts(light, capture, exposure, conditions.atmosphere)
     light = apply_vignetting(light, exposure.focal_px, exposure.camera.vignetting)
-    # All before distortion depends on the angle of a ray, all after it on the pixel.
+    # Effects before distortion depend on the angle of a ray, effects after it on the pixel.
     if exposure.lens_map is not None:
         light = exposure.lens_map.average(light)
     spread = exposure.camera.point_spread

@@ -1,7 +1,7 @@
-"""Makes an image of the values of a sensor's pixels: the image signal processor of a camera.
+"""The image signal processor of a camera: makes an image of the values of a sensor's pixels.
 
-Sums are of whole numbers and exact, and demosaicing and JPEG compute in whole numbers, so that
-images are the same on every machine.
+Sums are of whole numbers and exact, and demosaicing and JPEG compute in whole numbers, so images
+are the same on every machine.
 """
 
 import math
@@ -25,9 +25,9 @@ from advercity.sensors.measurements import CameraReadout
 Image = NDArray[np.uint8]
 
 DENOISED_PX = 5
-"""Width of the squares of pixels of one filter whose mean and variance the denoising takes."""
+"""Width of the squares, of pixels of one filter, for the mean and variance of the denoising."""
 BLACK_VALUE, FULL_VALUE = 4096, 65_535
-"""Values of the dark and of the brightest light that are demosaiced: noise goes below black."""
+"""Values of the dark and of the brightest light for demosaicing; noise goes below black."""
 LUMA_WEIGHTS = (77, 150, 29)
 """Weights of red, green and blue in 256ths (BT.601, as in JPEG)."""
 
@@ -37,13 +37,13 @@ def develop_raw(
 ) -> NDArray[np.uint8]:
     """Make the image (h, w, 3), RGB, of the values (h, w) of a sensor's pixels.
 
-    Stages are those of `camera.isp`, by default those that `isp: {}` declares; their formulas are
-    in `docs/cameras.md`. What a dataset has in `raw` gives exactly its image.
+    Stages follow `camera.isp`, by default `isp: {}`; their formulas are in `docs/cameras.md`.
+    The `raw` values of a dataset give exactly its image.
 
     Args:
         values: As `camera.raw` describes them.
         camera: The declaration of the camera.
-        readout: Of the same image.
+        readout: Readout of the same image.
     """
     isp = camera.isp or Isp()
     balanced = _balance_white(values, camera, readout, isp.denoise)
@@ -59,7 +59,7 @@ def develop_raw(
 def _balance_white(
     values: NDArray[np.uint16], camera: Camera, readout: CameraReadout, denoise: float
 ) -> NDArray[np.uint16]:
-    """Denoise the values (h, w) of each filter and scale them so that grey is even."""
+    """Denoise the values (h, w) of each filter and scale them to make grey even."""
     raw = camera.sensor_values
     step = (FULL_VALUE - BLACK_VALUE) / (raw.full_value - raw.black_level)
     balanced = np.empty_like(values)
@@ -79,7 +79,7 @@ def _denoise(
 ) -> NDArray[np.float32]:
     """Remove a fraction of the noise from even surfaces, and less the more a surface varies.
 
-    Lee's filter (1980) with the noise that the sensor has at the mean of each square.
+    Lee's filter (1980) with the sensor's noise at the mean of each square.
     """
     size, border = (DENOISED_PX, DENOISED_PX), cv2.BORDER_REFLECT
     # Sums of whole numbers are exact in any order.
@@ -98,8 +98,8 @@ def _denoise(
 
 def _map_tones(colours: NDArray[np.uint16], camera: Camera, readout: CameraReadout) -> Image:
     """Show the colours (h, w, 3) by the tone curve of images without an ISP."""
-    # The brightest grey that the values of no filter end below. If it is darker than a full
-    # pixel, as of a sensor without highlights, it is shown as one: white.
+    # The brightest grey within the range of the values of all filters. If it is darker than a full
+    # pixel, as in a sensor without highlights, it is shown as white.
     ends = 2.0**camera.sensor_values.highlights_ev / max(readout.white_point)
     brightest = max(ends, 1.0)
     linear = (np.arange(FULL_VALUE + 1) - BLACK_VALUE) * (brightest / (FULL_VALUE - BLACK_VALUE))
@@ -110,9 +110,9 @@ def _map_tones(colours: NDArray[np.uint16], camera: Camera, readout: CameraReado
 
 
 def _sharpen(image: Image, overshoot: float) -> Image:
-    """Add to each pixel (h, w, 3) what its luma differs from that of its neighbours.
+    """Add to each pixel (h, w, 3) the difference between its luma and its neighbours'.
 
-    A sharp edge along rows or columns differs by a quarter of its height on both sides.
+    At a sharp edge along rows or columns this is a quarter of its height on both sides.
     """
     luma = image @ np.array(LUMA_WEIGHTS, np.float32)
     # Sums of whole numbers below 2**24 are exact.

@@ -1,4 +1,4 @@
-"""Takes the image of a camera with a lens or intrinsics from a rendered plane, which has none."""
+"""Takes the image of a camera with a lens or intrinsics from a rendered pinhole plane."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ class LensMap:
         offsets = ((np.arange(count) + 0.5) / count).tolist()
         total = np.zeros((*self.corners[1:, 1:].shape[:2], 3), np.float32)
         for down, right in itertools.product(offsets, offsets):
-            # OpenCV's coordinates are those of pixel centres.
+            # OpenCV counts coordinates from pixel centres.
             column, row = cv2.split(self._place_samples(down, right) - 0.5)
             total += cv2.remap(plane, column, row, cv2.INTER_LINEAR)
         return (total / count**2).astype(np.float32)

@@ -21,7 +21,7 @@ class Instant(NamedTuple):
     time_s: float
     """Time from the frame's instant."""
     exposure_s: float | None = None
-    """Exposure around it in which lamps flicker; None if they do not."""
+    """Exposure around it for the flicker of lamps; None if they do not flicker."""
 
 
 class Moment(NamedTuple):
@@ -31,13 +31,13 @@ class Moment(NamedTuple):
     band: int
     """Number of the band, from the top."""
     weight: float
-    """Fraction of the band's exposure that it stands for."""
+    """Fraction of the band's exposure."""
     has_labels: bool
-    """Whether it is the middle of the exposure, which labels are of."""
+    """Whether it is the middle of the exposure, the moment of the labels."""
 
 
 def list_moments(camera: Camera, shutter_s: float) -> tuple[Moment, ...]:
-    """List the moments of an image of a camera that exposes each row for a time."""
+    """List the moments of an image of a camera with an exposure of `shutter_s` for each row."""
     shutter = camera.shutter or Shutter()
     bands = shutter.bands if camera.is_rolling else 1
     middles_s = compute_row_times((np.arange(bands) + 0.5) / bands, camera, 1).tolist()
@@ -57,9 +57,9 @@ def list_moments(camera: Camera, shutter_s: float) -> tuple[Moment, ...]:
 
 @lru_cache(maxsize=8)
 def locate_bands(model: CameraModel, count: int) -> NDArray[np.intp]:
-    """Locate the bands (h, w) of rows of an image in the plane that is rendered for it.
+    """Locate the bands (h, w) of rows of an image in its rendered plane.
 
-    What the plane shows beyond the image belongs to the nearest band.
+    Pixels of the plane beyond the image belong to the nearest band.
     """
     width, height = model.rendered_size
     row, column = np.indices((height, width)).reshape(2, -1) + 0.5
@@ -69,7 +69,7 @@ def locate_bands(model: CameraModel, count: int) -> NDArray[np.intp]:
 
 
 class MomentBlender:
-    """Puts the captures of an image's moments together to one: means of light, selected labels.
+    """Blends the captures of an image's moments: means of light, selected labels.
 
     Args:
         moments: Moments of the image.
@@ -98,7 +98,7 @@ class MomentBlender:
                 self._add_band(capture, self._blend, moment)
 
     def finish(self) -> CameraCapture:
-        """Return the capture of the whole image, once those of all instants have been added."""
+        """Return the capture of the whole image, after captures of all instants were added."""
         assert self._blend is not None, "no capture was added"
         return self._blend
 

@@ -1,7 +1,7 @@
 """Draws drops and flakes as streaks over the exposure time.
 
-A particle of s pixels covers (pi / 4) s² pixels of light; the faster it moves and the closer it is
-to the lens, the larger the area over which this cover is spread.
+A particle of s pixels covers (pi / 4) s² pixels of light. This cover is spread over a larger area
+the faster the particle moves and the closer it is to the lens.
 """
 
 import math
@@ -31,14 +31,14 @@ from advercity.sensors.camera.scene_light import (
 
 MIN_DEPTH_M, MAX_DEPTH_M = 0.25, 20.0
 MIN_OPACITY = 0.01
-"""Least fraction of the background that a drawn particle hides; fainter ones count as air."""
+"""Least opacity of a drawn particle; fainter ones count as air."""
 MIN_OPACITY_SHUTTER_S = 0.005
-"""Shutter time above which MIN_OPACITY falls, so that long exposures keep the same particles."""
+"""Shutter time above which MIN_OPACITY falls, so long exposures keep the same particles."""
 LIGHT_GRID = (16, 9)
 """Columns and rows of points at which light from far away is computed; it is smooth."""
 LIGHT_GRID_DEPTH_M = 3.0
 DOT_COUNT_ROUNDING = 8
-"""Number of dots above which it is rounded up, by an eighth at most, so that few differ."""
+"""Number of dots above which it is rounded up, by an eighth at most, to few different numbers."""
 NEAR_LAMPS_M, FAR_LAMPS_M = 8.0, 60.0
 """Lamps within the first distance light each particle separately; beyond the second, none."""
 
@@ -72,7 +72,7 @@ class MotionStreaks:
 
     @property
     def covered_area_px(self) -> FloatArray:
-        """Area that each particle covers, pixels."""
+        """Area of each particle, pixels."""
         return math.pi / 4.0 * self.width_px**2
 
     @property
@@ -82,7 +82,7 @@ class MotionStreaks:
 
     @property
     def opacity(self) -> FloatArray:
-        """Fraction of the background that each streak hides along its middle."""
+        """Fraction of the background hidden by each streak along its middle."""
         broad = self.blurred_width_px
         return self.covered_area_px / (broad * (self.length_px + broad))
 
@@ -121,7 +121,7 @@ def add_falling_particles(
 def find_visible_particles(
     exposure: CameraExposure, blocks: Sequence[ParticleBlock]
 ) -> FallingParticles:
-    """Find the particles of blocks that may be visible, in metres from the eye."""
+    """Find the particles of blocks within the visible depth, in metres from the eye."""
     found: list[FallingParticles] = []
     eye, time_s = exposure.position, exposure.frame.time_s
     for block in blocks:
@@ -133,7 +133,7 @@ def find_visible_particles(
 
 
 def project_streaks(particles: FallingParticles, exposure: CameraExposure) -> MotionStreaks:
-    """Project particles to streaks, without those under cover or below the least opacity."""
+    """Project particles to streaks, except particles under cover or below the least opacity."""
     open_s = exposure.camera.exposure.shutter_s
     camera_axes = exposure.view.world_from_camera[:3, :3].astype(np.float32)
     start = particles.position @ camera_axes
@@ -158,7 +158,7 @@ def project_streaks(particles: FallingParticles, exposure: CameraExposure) -> Mo
 
 
 def _max_visible_depth_m(block: ParticleBlock, exposure: CameraExposure) -> float:
-    """Compute the depth beyond which no particle of a block can have the least opacity."""
+    """Compute the depth beyond which all particles of a block are below the least opacity."""
     open_s = exposure.camera.exposure.shutter_s
     path = block.fall_speed_m_s * open_s * exposure.focal_px
     cover = math.pi * (block.max_diameter_m * exposure.focal_px) ** 2 / _min_opacity(open_s)
@@ -266,7 +266,7 @@ def _place_dots(streaks: MotionStreaks) -> tuple[FloatArray, NDArray[np.int32], 
 
 
 def _round_up_dot_count(size_px: FloatArray) -> NDArray[np.intp]:
-    """Round sizes (n,) up to numbers of dots, to few different ones."""
+    """Round sizes (n,) up to few different numbers of dots."""
     least = np.maximum(size_px, DOT_COUNT_ROUNDING)
     step = 2.0 ** np.floor(np.log2(least) - math.log2(DOT_COUNT_ROUNDING))
     return (np.ceil(size_px / step) * step).astype(np.intp)

@@ -19,7 +19,7 @@ from advercity.rendering.backend import CameraCapture
 from advercity.sensors.camera.exposure import CameraExposure
 
 GLASS_DISTANCE_M = 0.05
-"""Distance of the glass from the entrance pupil: much too close to be sharp."""
+"""Distance of the glass from the entrance pupil: too close for a sharp image."""
 SPOT_MM = {"water": 3.0, "dust": 0.8, "snow": 6.0}
 """Median diameter of a spot, by kind."""
 SPOT_SIZE_DEVIATION = 0.35
@@ -30,14 +30,14 @@ GLASS_DUST_ALBEDO = 0.3
 SIDE_VIEW_DEG, REAR_VIEW_DEG = 45.0, 135.0
 """Headings from which a camera faces the side, and the rear."""
 OpenCvArray = NDArray[np.floating[Any] | np.integer[Any]]
-"""Arrays that OpenCV returns according to its type stubs."""
+"""Arrays returned by OpenCV according to its type stubs."""
 
 STRAY_LIGHT_CORE_RAD = math.radians(0.5)
 STRAY_LIGHT_CUTOFF_RAD = math.radians(60.0)
 VEIL_WIDTH_PX = 256
-"""Width of the image at which the veil is computed; it is smooth, so that is enough."""
+"""Width of the image for the computation of the veil, which is smooth."""
 GHOST_REFLECTANCE = 5e-5
-"""Fraction of a lamp's light that reflections at two coated surfaces send into one ghost."""
+"""Fraction of a lamp's light in one ghost, after reflections at two coated surfaces."""
 LENS_GHOSTS: tuple[tuple[float, float, tuple[float, float, float]], ...] = (
     (0.4, 2.0, (0.7, 1.1, 0.9)),
     (0.7, 3.5, (0.8, 1.0, 1.5)),
@@ -52,9 +52,9 @@ Position 0 is the centre, 1 is as far beyond it as the lamp is on this side.
 GHOST_EDGE_FRACTION = 0.25
 """Width of a ghost's soft edge relative to its radius."""
 LAMP_HOUSING_M = 0.5
-"""Depth by which a lamp may lie behind the surface of its own housing."""
+"""Largest depth of a lamp behind the surface of its own housing."""
 MIN_GHOST_LX = 0.05
-"""Least illuminance of the lens by a lamp whose ghosts are visible."""
+"""Least illuminance of the lens by a lamp for visible ghosts."""
 
 
 def glass_coverage(lens: Lens, mount: Mount) -> float:
@@ -76,7 +76,7 @@ def apply_glass(
 ) -> Float32Array:
     """Cover a fraction of the glass in front of an image (h, w, 3) in cd/m² by spots of a kind.
 
-    Their blur follows from focal length and aperture. The same state of `rng` gives the same
+    The blur of spots follows from focal length and aperture. The same state of `rng` gives the same
     spots; coverage 0 leaves the image unchanged.
     """
     if coverage == 0.0:
@@ -104,7 +104,7 @@ def apply_glass(
 def _draw_spots(
     exposure: CameraExposure, kind: str, coverage: float, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Draw columns and rows (n, 2) and radii (n,) in pixels of spots that cover the glass."""
+    """Draw columns and rows (n, 2) and radii (n,) in pixels of spots on the glass."""
     height, width = exposure.view.height_px, exposure.view.width_px
     scale = exposure.focal_px / GLASS_DISTANCE_M
     median_px = SPOT_MM[kind] * 1e-3 * scale
@@ -118,7 +118,7 @@ def _draw_spots(
 def _stamp_spot(
     mask: Float32Array, shift: Float32Array, at: NDArray[np.float64], radius: float
 ) -> None:
-    """Mark the pixels of a spot, and the shift (h, w, 2) to the pixels that it shows."""
+    """Mark the pixels of a spot, and the shift (h, w, 2) to the pixels shown in it."""
     pixels, off = _pixels_around(at, radius, mask.shape)
     inside = np.hypot(off[..., 0], off[..., 1]) < radius
     mask[pixels][inside] = 1.0
@@ -128,9 +128,9 @@ def _stamp_spot(
 def _pixels_around(
     at: NDArray[np.float64], radius: float, shape: tuple[int, ...]
 ) -> tuple[tuple[slice, slice], NDArray[np.float64]]:
-    """Find the pixels around a disc, and the offsets (r, c, 2) of their centres from its own.
+    """Find the pixels around a disc, and the offsets (r, c, 2) of their centres from its centre.
 
-    Empty if the disc is not in the image.
+    Both are empty if the disc is outside the image.
     """
     height, width = shape[:2]
     left, right = max(0, math.floor(at[0] - radius)), min(width, math.ceil(at[0] + radius))
@@ -143,7 +143,7 @@ def _pixels_around(
 def add_stray_light(
     radiance: Float32Array, *, horizontal_fov_rad: float, fraction: float
 ) -> Float32Array:
-    """Compute the radiance (h, w, 3) behind a lens that scatters a fraction e of the light.
+    """Compute the radiance (h, w, 3) behind a lens with a fraction e of scattered light.
 
     The point-spread function is (1 - e) delta + e C / (theta² + theta_0²)^1.5. The veil is computed
     on a small copy of the image with the kernel of its centre; the surroundings are assumed to be
@@ -152,7 +152,7 @@ def add_stray_light(
     height, width = radiance.shape[:2]
     scale = min(1.0, VEIL_WIDTH_PX / width)
     small_size = max(1, round(width * scale)), max(1, round(height * scale))
-    # INTER_AREA keeps the mean, so that lamps of few pixels are not lost.
+    # INTER_AREA keeps the mean, so lamps of few pixels are not lost.
     small = cv2.resize(radiance, small_size, interpolation=cv2.INTER_AREA)
     focal_px = small_size[0] / (2.0 * math.tan(horizontal_fov_rad / 2.0))
     veil = _compute_veil(small.astype(np.float32), focal_px)
@@ -179,7 +179,7 @@ def _convolve_channel(channel: OpenCvArray, spectrum: OpenCvArray) -> OpenCvArra
 @lru_cache(maxsize=16)
 def _kernel_spectrum(height: int, width: int, focal_px: float) -> tuple[OpenCvArray, OpenCvArray]:
     """Compute the kernel's spectrum for images of a size, and its weight within them (h, w)."""
-    # Twice the size, so that the cyclic convolution does not wrap around the image.
+    # Twice the size, so the cyclic convolution does not wrap around the image.
     spectrum = cv2.dft(_scattering_kernel((2 * height, 2 * width), focal_px))
     return spectrum, _convolve_channel(np.ones((height, width)), spectrum)
 

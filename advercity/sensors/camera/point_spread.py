@@ -1,8 +1,8 @@
-"""Blur by a lens that grows from the middle of the image to its corners.
+"""Blur by a lens, from the middle of the image up to its corners.
 
-Each pixel is the mean of two images that are blurred evenly, by weights that give it the variance
-of its place: a few convolutions of whole images do for all places. Kernels are discrete Gaussians,
-whose variance is exact however narrow they are (Lindeberg, Scale-space for discrete signals, 1990).
+Each pixel is the weighted mean of two evenly blurred images, with weights for the variance at its
+place, so a few convolutions of whole images are enough. Kernels are discrete Gaussians, whose
+variance is exact at any width (Lindeberg, Scale-space for discrete signals, 1990).
 """
 
 import math
@@ -16,9 +16,9 @@ from scipy import special
 from advercity.geometry.arrays import Float32Array, Float64Array
 
 LEVEL_STEP_PX = 0.5
-"""Largest difference of the widths of images between which is interpolated."""
+"""Largest difference in blur width between successive blurred images."""
 KERNEL_REACH = 5.0
-"""Half width of a kernel in standard deviations, and in pixels besides."""
+"""Half width of a kernel in standard deviations, plus the same number of pixels."""
 
 
 def spread_points(light: Float32Array, spread: PointSpread, focal_px: float) -> Float32Array:

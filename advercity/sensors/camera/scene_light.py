@@ -22,24 +22,25 @@ from advercity.sensors.camera.exposure import pixel_rays
 AMBIENT_SKY_SIZE = 8
 """Texels along an edge of the averaged sky: enough for a smooth one."""
 DROP_HALF_VIEW_RAD = math.radians(165.0 / 2.0)
-"""Half of the field that a drop refracts into the eye."""
+"""Half of the field refracted into the eye by a drop."""
 DROP_WEIGHT = 0.94
 """Weight of that field in a drop's luminance; the rest is the mean of all directions."""
 FLAKE_ALBEDO = 0.9
 DROP_LUMINANCE_PER_LX = 0.1 / math.pi
 """Luminance of a drop per illuminance by a lamp to the side."""
 FLAKE_LUMINANCE_PER_LX = FLAKE_ALBEDO / (4.0 * math.pi)
-"""The same of a flake, for a lamp in any direction."""
+"""Luminance of a flake per illuminance by a lamp in any direction."""
 FORWARD_BOOST, FORWARD_BOOST_RAD = 10.0, math.radians(20.0)
-"""Gain of a drop in front of a lamp, and the angle off the lamp at which it has ended."""
+"""Gain of a drop in front of a lamp, and the angle off the lamp at which the gain ends."""
 MIN_LAMP_DISTANCE_M = 0.7
-"""Distance within which a lamp is not a point: it represents the two of a vehicle."""
+"""Distance within which a lamp is not a point: it represents the two lamps of a vehicle."""
 PAIRS_PER_BATCH = 2**14
-"""Pairs of lamp and point that are computed at once, which bounds memory."""
+"""Pairs of lamp and point in one batch, which bounds memory."""
 SUN_RADIUS_RAD = math.radians(0.533 / 2.0)
 """Half the sun's angular diameter."""
 SUN_MARGIN = 0.1
-"""Distance of the disc's centre from the image, in focal lengths, at which it cannot be in it."""
+"""Distance of the disc's centre from the image, in focal lengths, beyond which no part of the disc
+is in it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,7 @@ class AmbientLight:
     Attributes:
         directions: (n, 3) unit.
         luminance: (n, 3) of sky and ground in these directions, cd/m², linear sRGB.
-        solid_angle_fraction: (n,) fraction of the sphere that each represents; the sum is 1.
+        solid_angle_fraction: (n,) fraction of the sphere for each direction; the sum is 1.
         sun: Unit vector (3,) towards the sun.
         sun_lx: (3,) illuminance by direct sunlight, linear sRGB.
     """
@@ -79,7 +80,7 @@ class AmbientLight:
     @property
     def mean_luminance(self) -> Float64Array:
         """Mean luminance (3,) of all directions, without the sun."""
-        # Not by a product of matrices: OpenBLAS sums in another order for every number of threads.
+        # No matrix product: OpenBLAS sums in another order for every number of threads.
         return np.einsum("n,nj->j", self.solid_angle_fraction, self.luminance)
 
     def drop_luminance(self, rays: Float64Array) -> Float64Array:
@@ -115,9 +116,9 @@ def lamp_luminance(
 ) -> NDArray[np.float32]:
     """Compute the luminance (n, 3) of drops or flakes at points (n, 3) by lamps.
 
-    Points are in metres from the `eye` (3,), in the world's axes; nothing hides the lamps from
-    them. `per_lx` is luminance per illuminance by a lamp to the side; with `forward_scattering`
-    particles are brighter in front of a lamp, as drops are.
+    Points are in metres from the `eye` (3,), in the world's axes; occlusion of lamps is ignored.
+    `per_lx` is luminance per illuminance by a lamp to the side; with `forward_scattering` particles
+    are brighter in front of a lamp, as drops are.
     """
     near = points.astype(np.float32)
     view_rays = near / np.maximum(np.linalg.norm(near, axis=1, keepdims=True), 1e-6)
@@ -136,9 +137,9 @@ def lamp_luminance(
 
 
 def add_sun_disc(capture: CameraCapture, view: CameraView, atmosphere: Atmosphere) -> CameraCapture:
-    """Add the sun's disc to a capture, where it shows open sky.
+    """Add the sun's disc to a capture where it shows open sky.
 
-    However large the pixels are, the disc's luminance over its pixels gives the sun's illuminance.
+    The disc's luminance over its pixels gives the sun's illuminance at any size of pixels.
     """
     sun = view.world_from_camera[:3, :3].T @ atmosphere.sun_direction
     if atmosphere.sun_lx <= 0.0 or sun[0] <= math.sin(SUN_RADIUS_RAD):
@@ -158,7 +159,7 @@ def add_sun_disc(capture: CameraCapture, view: CameraView, atmosphere: Atmospher
     solid_angle = focal_px / length**3
     off_centre = np.linalg.norm(np.cross(rays, sun), axis=-1)
     coverage = np.clip(0.5 + (SUN_RADIUS_RAD - off_centre) / np.sqrt(solid_angle), 0.0, 1.0)
-    # The disc may fall between the centres of four pixels that are much larger.
+    # The disc may fall between the centres of four much larger pixels.
     if not coverage.any():
         coverage.flat[off_centre.argmin()] = 1.0
     luminance = atmosphere.sun_lx * coverage / np.sum(coverage * solid_angle)

@@ -22,7 +22,7 @@ from advercity.sensors.spray_plumes import (
 NUM_PLUME_STEPS = 6
 """Points along a ray at which the density of a plume is sampled."""
 MEAN_PLUME_PROFILE = 4.0 / 9.0
-"""Mean of the profile across a plume, which keeps its water the same as the LiDAR's."""
+"""Mean of the profile across a plume; dividing by it keeps the water equal to the LiDAR's plume."""
 
 
 def add_spray(
@@ -32,14 +32,14 @@ def add_spray(
     *,
     water_film_mm: float,
 ) -> CameraCapture:
-    """Veil a capture by the plumes of all vehicles; unchanged unless the road is wet enough."""
+    """Veil a capture by the plumes of all vehicles; without a wet road, return it unchanged."""
     if not has_spray(water_film_mm):
         return capture
 
     def distance_m(state: ActorState) -> float:
         return float(np.linalg.norm(state.world_from_body[:3, 3] - exposure.position))
 
-    # The farthest first, so that nearer plumes cover theirs.
+    # The farthest plume first, so nearer plumes cover it.
     vehicles = iterate_spraying_states(exposure.frame.states)
     for state in sorted(vehicles, key=distance_m, reverse=True):
         if distance_m(state) < MAX_PLUME_DISTANCE_M:
@@ -65,7 +65,7 @@ def _add_plume(
 def _spray_luminance(
     exposure: CameraExposure, position: Float64Array, ambient_light: AmbientLight
 ) -> Float64Array:
-    """Compute the luminance (3,) of dense spray, which scatters ambient light and that of lamps."""
+    """Compute the luminance (3,) of dense spray in ambient light and the light of lamps."""
     lamps = lamp_luminance(
         exposure.light_sources,
         (position - exposure.position)[None, :],
@@ -77,7 +77,7 @@ def _spray_luminance(
 
 
 def _image_region(exposure: CameraExposure, plume: SprayPlume) -> tuple[slice, slice] | None:
-    """Find the rows and columns that a plume may cover; None if it is not in the image."""
+    """Find the rows and columns around a plume; None if it is outside the image."""
     points = exposure.to_camera_axes(plume.corners - exposure.position)
     if (points[:, 0] <= 0.0).all():
         return None
@@ -124,7 +124,7 @@ def _optical_depth(
         point = start + own * (enter + path_m * (step + 0.5) / NUM_PLUME_STEPS)[..., None]
         side, up = point[..., 1] / half[1], point[..., 2] / half[2]
         profile = (1.0 - side**2) * (1.0 - ((up + 1.0) / 2.0) ** 2)
-        # Rays that miss the plume may be anywhere, but their path in it is 0.
+        # Points of rays past the plume may be anywhere, but their path in it is 0.
         behind_m = np.maximum(half[0] - point[..., 0], 0.0)
         total += np.exp(-behind_m / PLUME_DECAY_M) * np.maximum(profile, 0.0)
     return total * path_m * peak / (NUM_PLUME_STEPS * MEAN_PLUME_PROFILE)

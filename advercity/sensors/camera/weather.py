@@ -1,4 +1,4 @@
-"""What cameras need of the weather in each frame."""
+"""The weather in each frame for cameras."""
 
 from functools import lru_cache
 
@@ -12,7 +12,7 @@ from advercity.sensors.camera.image_formation import CameraConditions
 class CameraWeather:
     """The conditions of cameras in each frame of a scenario, in any order of frames.
 
-    For a constant weather they are the same object for all frames.
+    In a constant weather, all frames share one object.
     """
 
     def __init__(self, spec: Spec, timeline: WeatherTimeline) -> None:
@@ -27,7 +27,7 @@ class CameraWeather:
         self.at = lru_cache(maxsize=1)(self._derive)
 
     def _derive(self, frame: int) -> CameraConditions:
-        """Derive the conditions of a recorded frame; light that has not changed is kept."""
+        """Derive the conditions of a recorded frame; unchanged light is kept."""
         timeline, land_use = self._timeline, self._spec.road.land_use
         if timeline.is_changing:
             atmosphere = timeline.atmosphere_at(frame, land_use)

@@ -1,4 +1,4 @@
-"""Where navigation satellites are: circular orbits in Walker constellations."""
+"""Positions of navigation satellites: circular orbits in Walker constellations."""
 
 import math
 from collections.abc import Sequence

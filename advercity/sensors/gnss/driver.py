@@ -38,7 +38,7 @@ class GnssDriver(SensorDriver):
         }
 
     def measure(self, agent: Agent, number: int) -> GnssFix | None:
-        """Measure what is reported since the previous frame; None without a fix.
+        """Measure the fixes since the previous frame; None without a fix.
 
         A roadside unit reports fixes by satellites only.
         """
@@ -47,7 +47,7 @@ class GnssDriver(SensorDriver):
         return None if agent.place.kind == "roadside_unit" else self._draw_fix(agent)
 
     def estimate_pose(self, agent: Agent) -> Matrix | None:
-        """Estimate the pose (4, 4) of a roadside unit, whose position its receiver finds."""
+        """Estimate the pose (4, 4) of a roadside unit from its receiver's fix."""
         if agent.place.kind != "roadside_unit":
             return None
         is_measured = agent.id in self._fixes
@@ -61,7 +61,7 @@ class GnssDriver(SensorDriver):
         return estimate
 
     def _measure_fix(self, agent: Agent, frame: Frame) -> GnssFix | None:
-        """Measure what an agent's receiver of satellites reports since the previous frame."""
+        """Measure the fixes of an agent's satellite receiver since the previous frame."""
         poses = self.stage.poses
         gnss, key, tick_s = agent.sensors.gnss, poses.build_drive_key(agent), poses.tick_s
         place = agent.id, gnss.receiver
@@ -119,5 +119,5 @@ class GnssDriver(SensorDriver):
 
 
 def _join_fixes(fixes: Sequence[GnssFix]) -> GnssFix | None:
-    """Join the fixes of a frame to the last of them with those before it; None if none is."""
+    """Return the last fix of a frame, with the others as `earlier`; None if there is none."""
     return replace(fixes[-1], earlier=tuple(fixes[:-1])) if fixes else None

@@ -1,7 +1,7 @@
-"""GNSS receiver: noise in degrees as in the original Adver-City, or in metres as receivers have it.
+"""GNSS receiver with noise in degrees, as in the original Adver-City, or in metres.
 
 Noise in degrees is wider in metres from north to south than from west to east, except at the
-equator; the realistic mode has white noise plus a slow Gauss-Markov error, both in metres.
+equator. The realistic mode has white noise plus a slow Gauss-Markov error, both in metres.
 """
 
 import numpy as np

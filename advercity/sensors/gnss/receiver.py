@@ -1,4 +1,4 @@
-"""A satellite receiver among walls and trees: what it tracks, with which errors, and its fix."""
+"""A satellite receiver among walls and trees: its signals, their errors, and its fix."""
 
 import math
 from collections.abc import Callable
@@ -22,7 +22,7 @@ from advercity.sensors.measurements import GnssFix, GnssSolution, SolutionQualit
 CHIP_M = 299_792_458.0 / 1.023e6
 """Length of a chip of GPS C/A and Galileo E1."""
 INTEGRATION_S = 0.02
-"""Time over which correlators integrate."""
+"""Integration time of the correlators."""
 CARRIER_LOOP_HZ = 15.0
 """Bandwidth of the tracking of the carrier."""
 FLOAT_SD_M = 0.3
@@ -30,23 +30,23 @@ FLOAT_SD_M = 0.3
 SLOW_TIME_S = 300.0
 """Correlation time of the errors of orbits, clocks, the air and float ambiguities."""
 EARTH_IN_AIR = 6378.1 / (6378.1 + 350.0)
-"""Radius of the Earth over that of the ionosphere's middle, for the slant of paths through it."""
+"""Radius of the Earth over the radius of the middle of the ionosphere, for the slant of paths."""
 MIN_CARRIERS = 5
 """Carriers for a float or fixed solution and for a heading: one more than the unknowns."""
 MAX_PDOP = 25.0
 """Dilution of precision above which receivers report no position."""
 LOCK_STEP_S = 0.2
-"""How often the continuity of tracking is looked at."""
+"""Time between checks of the continuity of tracking."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Signals:
-    """What a receiver tracks, for all n satellites.
+    """Signals of all n satellites at a receiver.
 
     Attributes:
-        visible: (n,) whether nothing solid is in the way.
+        visible: (n,) whether the straight path is free of solid obstacles.
         tracked: (n,) whether its code is tracked.
-        carrier: (n,) whether its carrier is, along the straight path.
+        carrier: (n,) whether its carrier is tracked, along the straight path.
         cn0: (n,) carrier over noise density in dB-Hz.
         code_m: (n,) error of the code by reflections.
         phase_m: (n,) error of the carrier by reflections.
@@ -65,7 +65,7 @@ class ReceiverInPlace:
 
     Args:
         receiver: The receiver.
-        sky: What is around it.
+        sky: Obstacles and walls around it.
         origin: Geodetic position of the world frame's origin.
         pose_at: Returns the pose (4, 4) of its carrier at a time since the first frame, in s.
         key: Key of the noise, the same for all fixes.
@@ -98,7 +98,8 @@ class ReceiverInPlace:
             stamp_s: Time of the fix since the scenario's start.
 
         Returns:
-            The fix of the carrier's origin, or None where too few satellites are tracked.
+            The fix of the carrier's origin; None if the tracked satellites are too few or their
+            dilution is too large.
         """
         satellites, directions, antenna = self._place(time_s)
         signals = self._track(time_s, velocity)
@@ -114,7 +115,7 @@ class ReceiverInPlace:
             return None
         pose = self._pose_at(time_s)
         lever = pose[:3, :3] @ np.array(self._receiver.antenna_m)
-        # To 0.1 mm, as receivers report it: the last bits of a solver differ between machines.
+        # Rounded to 0.1 mm, as receivers do: the last bits of a solver differ between machines.
         place = geodetic_from_enu(np.round(found - lever, 4), self._origin)
         return GnssFix(
             latitude_deg=place.latitude_deg,
@@ -142,9 +143,9 @@ class ReceiverInPlace:
         return satellites, towards / np.linalg.norm(towards, axis=1)[:, None], antenna
 
     def _look(self, time_s: float) -> tuple[NDArray[np.bool_], Float64Array, Float64Array]:
-        """Return who is above the mask, and the strengths of open and of direct signals (n,).
+        """Return the satellites above the mask, and strengths of open and direct signals (n,).
 
-        Strengths are in dB-Hz, those of blocked signals -inf.
+        Strengths are in dB-Hz, -inf for blocked signals.
         """
         _, directions, antenna = self._place(time_s)
         receiver, upwards = self._receiver, directions[:, 2]
@@ -190,7 +191,7 @@ class ReceiverInPlace:
         )
 
     def _select(self, signals: _Signals, time_s: float) -> tuple[GnssSolution, NDArray[np.bool_]]:
-        """Select the best solution that what is tracked allows, and the satellites (n,) for it."""
+        """Select the best solution for the tracked signals, and the satellites (n,) for it."""
         if self._receiver.corrections == "rtk" and signals.carrier.sum() >= MIN_CARRIERS:
             locked = signals.carrier & self._find_locked(time_s)
             if locked.sum() >= MIN_CARRIERS:
@@ -201,7 +202,7 @@ class ReceiverInPlace:
     def _find_locked(self, time_s: float) -> NDArray[np.bool_]:
         """Find the satellites (n,) whose carriers were tracked for the time to a fix.
 
-        Before the first frame the carrier stood where it is then.
+        Before the first frame, the vehicle is taken to have stood at its first pose.
         """
         last = math.floor(time_s / LOCK_STEP_S)
         first = last - round(self._receiver.time_to_fix_s / LOCK_STEP_S)
@@ -227,7 +228,8 @@ class ReceiverInPlace:
     ) -> float | None:
         """Measure the heading of the line from one antenna to the other, if there are two.
 
-        Its standard deviation is that of their relative position across the line over its length.
+        Its standard deviation is the one of their relative position across the line, over the
+        line's length.
         """
         baseline_m, used = self._receiver.heading_baseline_m, signals.carrier
         if baseline_m == 0.0 or used.sum() < MIN_CARRIERS:
@@ -246,7 +248,7 @@ class _Errors:
     Attributes:
         white: (3, n) of code, carrier and heading.
         satellite: (n,) slow, of orbits and clocks.
-        residual: (n,) slow, of what corrections leave.
+        residual: (n,) slow, left after corrections.
         ambiguity: (n,) slow, of float ambiguities.
         air: Slow, of the delay of the air at the zenith.
         upwards: (n,) sines of the elevations.
@@ -262,7 +264,7 @@ class _Errors:
     def compute(
         self, receiver: SatelliteReceiver, signals: _Signals, solution: GnssSolution
     ) -> tuple[Float64Array, Float64Array]:
-        """Compute the errors (n,) of the ranges, and the (n,) standard deviations assumed of them.
+        """Compute the errors (n,) of the ranges, and their assumed standard deviations (n,).
 
         The receiver knows strengths and elevations, not reflections.
         """
@@ -285,8 +287,8 @@ class _Errors:
 def compute_code_noise(cn0_db_hz: Float64Array, receiver: SatelliteReceiver) -> Float64Array:
     """Compute the standard deviations (n,) of the code's thermal noise, metres.
 
-    Of a delay lock loop with early minus late power (Kaplan and Hegarty, Understanding GPS/GNSS,
-    3rd edition, 8.5).
+    The formula is for a delay lock loop with early minus late power (Kaplan and Hegarty,
+    Understanding GPS/GNSS, 3rd edition, 8.5).
     """
     cn0, spacing = 10.0 ** (cn0_db_hz / 10.0), receiver.correlator_chips
     loss = 1.0 + 2.0 / ((2.0 - spacing) * INTEGRATION_S * cn0)
@@ -309,14 +311,14 @@ def compute_multipath(
     correlator_chips: float,
     loop_hz: float,
 ) -> tuple[Float64Array, Float64Array]:
-    """Compute the errors (n,) of code and carrier, metres, by reflections beside straight paths.
+    """Compute the errors (n,) of code and carrier, metres, by reflections next to straight paths.
 
-    The envelope is that of a delay lock loop (Braasch, in Parkinson and Spilker, Global Positioning
-    System I, chapter 14, 1996). A moving antenna crosses the fringes, which loops average (Kelly
+    The envelope is for a delay lock loop (Braasch, in Parkinson and Spilker, Global Positioning
+    System I, chapter 14, 1996). A moving antenna crosses the fringes, and loops average them (Kelly
     and Braasch, J. Navigation 48, 2001).
 
     Args:
-        ratio: (n,) amplitude of the reflection over that of the straight path, less than 1.
+        ratio: (n,) amplitude of the reflection over the straight path's, less than 1.
         reflected: The reflections.
         directions: (n, 3) to the satellites.
         velocity: (3,) of the antenna, m/s.

@@ -1,6 +1,6 @@
-"""What is between an antenna and the satellites: walls, foliage, and walls that reflect.
+"""Paths from satellites to an antenna: blocked by walls, weakened by foliage, reflected by walls.
 
-Only the place is in the way; vehicles and people are not.
+Only static obstacles count; vehicles and people are ignored.
 """
 
 from dataclasses import dataclass
@@ -14,19 +14,19 @@ from advercity.rendering.raycaster import Raycaster, RayHits, Rays
 from advercity.semantics import OPAQUE_TO_RADIO, Semantic
 
 MAX_RANGE_M = 1000.0
-"""How far obstacles are looked for."""
+"""Range of the search for obstacles."""
 FOLIAGE_STEP_M = 0.5
 FOLIAGE_DB_M = 1.6
 """Loss in foliage. A tree in leaf has a median of 12 dB at 869 MHz (Vogel and Goldhirsh, IEEE
 Trans. Antennas Propag. 34, 1986), 16 dB at 1575 MHz by the root of the frequency; here in 10 m."""
 MAX_FOLIAGE_DB = 27.0
-"""Their largest loss, 20 dB, likewise; no receiver tracks through more."""
+"""Largest loss in foliage: 20 dB at 869 MHz, scaled likewise; no receiver tracks through more."""
 WALL_PERMITTIVITY = 5.24 + 0.753j
 """Concrete at 1.575 GHz (ITU-R P.2040-3, table 3)."""
 WALL_HEIGHT_SD_M = 0.01
 """Roughness of facades; an assumption."""
 WAVELENGTH_M = 299_792_458.0 / 1575.42e6
-"""Of GPS L1 and Galileo E1, which all signals here share."""
+"""Wavelength of GPS L1 and Galileo E1, used for all signals."""
 REFLECTING = (Semantic.BUILDING, Semantic.WALL, Semantic.BRIDGE)
 _SEARCH_AZIMUTHS = 120
 _SEARCH_ELEVATIONS_DEG = (2.0, 15.0, 35.0)
@@ -36,12 +36,12 @@ _NO_ACTORS = Frame(0, 0.0, (), {})
 
 @dataclass(frozen=True, eq=False)
 class Reflections:
-    """The strongest reflection that reaches an antenna from each of n satellites.
+    """The strongest reflection to an antenna from each of n satellites.
 
     Attributes:
-        amplitude: (n,) relative to the open signal, that of the antenna included; 0 for none.
-        excess_m: (n,) by how much its path is longer than the straight one.
-        normal: (n, 3) of the wall.
+        amplitude: (n,) relative to the open signal, with the antenna's gain; 0 for none.
+        excess_m: (n,) length of its path beyond the straight one.
+        normal: (n, 3) normal of the wall.
     """
 
     amplitude: Float64Array
@@ -50,7 +50,7 @@ class Reflections:
 
 
 class SkyView:
-    """What an antenna has of the sky in a world without actors."""
+    """The sky seen by an antenna in a world without actors."""
 
     def __init__(self, raycaster: Raycaster) -> None:
         self._raycaster = raycaster
@@ -58,10 +58,10 @@ class SkyView:
     def look(
         self, antennas: Float64Array, directions: Float64Array
     ) -> tuple[NDArray[np.bool_], Float64Array]:
-        """Look from antennas (n, 3) along directions (n, 3), past what is thin.
+        """Look from antennas (n, 3) along directions (n, 3), through foliage and thin things.
 
         Returns:
-            (n,) whether something solid is in the way, and (n,) the loss in foliage, in dB.
+            (n,) whether a solid obstacle blocks the path, and (n,) the loss in foliage, in dB.
         """
         loss_db, travelled_m = np.zeros((2, len(directions)))
         blocked = np.zeros(len(directions), np.bool_)
@@ -85,8 +85,9 @@ class SkyView:
     ) -> Reflections:
         """Find the strongest reflection by a wall from satellites in directions (n, 3).
 
-        Walls are planes that rays from the antenna meet. A satellite's mirror image is behind the
-        wall; what is seen in its direction must be the wall, and see the satellite.
+        Walls are planes found by rays from the antenna. A satellite's mirror image is behind the
+        wall; a ray in its direction must hit the wall, at a point with a free path to the
+        satellite.
         """
         count = len(directions)
         walls, distance_m = self._find_walls(antenna)
@@ -133,7 +134,7 @@ class SkyView:
         is_wall &= np.abs(normal[:, 2]) < 0.1
         normal, rays, range_m = normal[is_wall], rays[is_wall], hits.range_m[is_wall]
         distance_m = -(normal * rays).sum(axis=1) * range_m
-        # Rounded, so that the rays that meet one wall give one plane.
+        # Rounded, so all rays on one wall give one plane.
         planes = np.column_stack([np.round(normal, 2), np.round(distance_m * 2.0) / 2.0])
         _, first = np.unique(planes, axis=0, return_index=True)
         return normal[first], distance_m[first]
@@ -147,14 +148,14 @@ class SkyView:
 
 
 def compute_reflection(cosine: Float64Array, *, cross_polar_db: float) -> Float64Array:
-    """Compute the amplitudes (n,) that an antenna receives of a wave that a wall reflects.
+    """Compute the received amplitudes (n,) of a wave reflected by a wall.
 
     Fresnel's coefficients keep one part of a circular polarisation and turn the other, which the
     antenna suppresses; roughness takes a part of both (Ament, Proc. IRE 41, 142, 1953).
 
     Args:
         cosine: (n,) of the angle of incidence.
-        cross_polar_db: By how much the antenna suppresses what is turned.
+        cross_polar_db: Suppression of the turned polarisation by the antenna.
     """
     root = np.sqrt(WALL_PERMITTIVITY - (1.0 - cosine**2))
     across = (cosine - root) / (cosine + root)

@@ -8,12 +8,12 @@ import numpy as np
 from advercity.geometry.arrays import Float64Array
 
 _ITERATIONS = 8
-"""Newton's steps from the site's origin, of which each doubles the digits."""
+"""Newton's steps from the site's origin; each doubles the digits."""
 
 
 @dataclass(frozen=True)
 class Dilution:
-    """Dilution of precision: standard deviations over that of the ranges."""
+    """Dilution of precision: standard deviations of a fix over the ranges' standard deviation."""
 
     position: float
     horizontal: float
@@ -30,7 +30,7 @@ def solve_position(
     Args:
         satellites: (n, 3) in the world frame, metres.
         ranges_m: (n,) pseudoranges, all with the same error of the clock.
-        sd_m: (n,) standard deviations that the receiver takes them to have.
+        sd_m: (n,) standard deviations assumed by the receiver.
 
     Returns:
         The position in the world frame; None if the satellites do not determine it.

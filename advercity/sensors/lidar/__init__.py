@@ -1,7 +1,8 @@
-"""A spinning LiDAR: its beams, what returns to it through the air, and the points it reports.
+"""LiDARs: beams, returns through the air, and reported points.
 
 Points are in the LiDAR frame: right-handed, x forward, y left, z up. The head rotates
-counterclockwise from straight ahead and fires all channels at each azimuth.
+counterclockwise from straight ahead and fires all channels at each azimuth; sensors with prisms or
+a limited field of view follow `ScanPattern`.
 """
 
 from advercity.sensors.lidar.beams import ScanTime, beam_directions, channel_elevations_rad

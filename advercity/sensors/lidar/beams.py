@@ -1,4 +1,4 @@
-"""Directions of a LiDAR's beams and of the sub-rays that sample each, and beams towards a box.
+"""Directions of a LiDAR's beams and their sub-rays, and the beams towards a box.
 
 Angles are in the LiDAR frame (x forward, y left, z up), azimuths counterclockwise from x.
 """
@@ -33,16 +33,16 @@ _VLP_32C_OFFSET_DEG = np.array(
         1.4, -4.2, 1.4, -4.2, 4.2, -1.4, 1.4, -1.4, 1.4, -1.4, 1.4, -4.2, 4.2, -1.4, 1.4, -1.4,
     ]
 )  # fmt: skip
-"""Elevations and azimuth offsets in the order of the lasers, as the manual lists them."""
+"""Elevations and azimuth offsets in the manual's order of lasers."""
 
 
 @dataclass(frozen=True)
 class BeamShape:
-    """Width of a beam in metres by range: that where it leaves the sensor, and its divergence.
+    """Width of a beam in metres by range, from its aperture and divergence.
 
     Attributes:
         divergence_rad: Full divergence, horizontal and vertical.
-        aperture_m: Width and height where it leaves the sensor.
+        aperture_m: Width and height at the sensor.
     """
 
     divergence_rad: tuple[float, float] = (3.0e-3, 1.5e-3)
@@ -68,7 +68,7 @@ class BeamShape:
 
 @dataclass(frozen=True)
 class ScanTime:
-    """When a scan is taken.
+    """Time of a scan.
 
     Attributes:
         index: Scans since the start; a fraction, if the scenario starts within a scan.
@@ -84,17 +84,17 @@ FIRST_SCAN = ScanTime()
 
 @dataclass(frozen=True)
 class ScanPattern:
-    """Everything that the ray directions of a scan depend on; hashable, a cache's key.
+    """All inputs of the ray directions of a scan; hashable, as the key of a cache.
 
     Attributes:
         azimuths: Firings per scan.
         elevations_rad: Elevation of every channel, from the lowest up.
         offsets_rad: Azimuth of each channel relative to the head, to the left.
         divergence_rad: Full divergence of a beam, horizontal and vertical.
-        sub_rays: Rays that sample one beam.
+        sub_rays: Rays in one beam.
         prisms: Prisms in place of a spinning head.
-        azimuth_deg: First and last azimuth of a sensor that looks ahead; None of a whole turn.
-        time: When the scan is taken; the first scan for all of a head, which are alike.
+        azimuth_deg: First and last azimuth of a sensor facing ahead; None for a whole turn.
+        time: Time of the scan; without prisms always the first, as all scans are alike.
     """
 
     azimuths: int
@@ -108,7 +108,7 @@ class ScanPattern:
 
 
 def build_scan_pattern(lidar: Lidar, time: ScanTime = FIRST_SCAN) -> ScanPattern:
-    """Build the pattern of a sensor's scan, which is the same for all unless it has prisms."""
+    """Build the pattern of a sensor's scan; without prisms it is the same for all scans."""
     return ScanPattern(
         lidar.azimuths,
         tuple(channel_elevations_rad(lidar)),
@@ -159,8 +159,8 @@ def _order_channels(lidar: Lidar) -> IndexArray:
 def beam_directions(lidar: Lidar, time: ScanTime = FIRST_SCAN) -> NDArray[np.float32]:
     """Build the beam directions (azimuths * channels, 3) of one scan, unit, LiDAR frame.
 
-    Counterclockwise from straight ahead, or from the first azimuth, all channels at each azimuth;
-    those of a sensor with prisms in the order of their time. The array is read-only.
+    Beams go counterclockwise from straight ahead or from the first azimuth, with all channels at
+    each azimuth; with prisms, in the order of time. The array is read-only.
     """
     return build_ray_directions(replace(build_scan_pattern(lidar, time), sub_rays=1))
 
@@ -171,7 +171,7 @@ def scan_azimuths_rad(lidar: Lidar) -> NDArray[np.float32]:
 
 
 def _spread_columns(count: int, azimuth_deg: tuple[float, float] | None) -> Float64Array:
-    """Compute the azimuths (count,) of a turn from 0, or of a field of view with both its ends."""
+    """Compute the azimuths (count,) of a turn from 0, or of a field of view including its ends."""
     if azimuth_deg is None:
         return np.arange(count, dtype=np.float64) * (2.0 * math.pi / count)
     return np.radians(np.linspace(*azimuth_deg, count))
@@ -187,7 +187,7 @@ def sub_ray_weights(lidar: Lidar) -> NDArray[np.float32]:
 def build_ray_directions(pattern: ScanPattern) -> NDArray[np.float32]:
     """Build the directions (azimuths * channels * sub_rays, 3) of all rays of a scan, unit.
 
-    The sub-rays of a beam are adjacent, the one along its axis first. The array is read-only.
+    The sub-rays of a beam are adjacent, with the axis first. The array is read-only.
     """
     head, tilt = _aim_columns(pattern)
     azimuth = head[:, None] + np.array(pattern.offsets_rad)
@@ -223,7 +223,7 @@ def _aim_columns(pattern: ScanPattern) -> tuple[Float64Array, Float64Array]:
 
 
 def _sub_ray_offsets_rad(pattern: ScanPattern) -> list[tuple[float, float]]:
-    """Compute the angles to the left and up of a beam's rays: its axis and a hexagon around it."""
+    """Compute the angles, left and up, of a beam's rays: its axis and a hexagon around it."""
     wide, high = (SUB_RAY_RADIUS * divergence / 2.0 for divergence in pattern.divergence_rad)
     hexagon = [corner * math.pi / 3.0 for corner in range(pattern.sub_rays - 1)]
     return [(0.0, 0.0), *((wide * math.cos(angle), high * math.sin(angle)) for angle in hexagon)]
@@ -264,7 +264,7 @@ class BeamGrid:
     def find_beams_towards(self, corners: Matrix) -> IndexArray:
         """Find the beams (n,) that may hit the convex hull of world points (c, 3), ascending.
 
-        The answer is conservative: it may hold beams that miss.
+        The result is conservative: some beams in it may miss.
         """
         own = transform_points(invert_pose(self.world_from_lidar), corners)
         bearing = math.atan2(*own.mean(axis=0)[1::-1])

@@ -1,4 +1,4 @@
-"""Air, light, ground and window as a LiDAR at 905 nm has them, computed once per weather."""
+"""Air, light, ground and window for a LiDAR at 905 nm, computed once per weather."""
 
 import math
 from dataclasses import dataclass
@@ -23,11 +23,11 @@ from advercity.sensors.lidar.volume_scattering import ParticleTable, SoftTarget
 from advercity.sensors.spray_plumes import has_spray
 
 NUM_WINDOW_SECTORS = 360
-"""Sectors of the window, one degree each, that a drop may block."""
+"""Sectors of the window, one degree each; a drop may block a sector."""
 COVERED_WINDOW_LOSS = 0.3
 """Loss of light, one way, where the window is fully covered."""
 BLOCKED_PER_COVERED = 2.0
-"""Fraction of sectors that are blocked, relative to the fraction of glass that is covered."""
+"""Blocked fraction of sectors, relative to the covered fraction of glass."""
 _FRONT_SECTOR_RAD, _REAR_SECTOR_RAD = math.radians(45.0), math.radians(135.0)
 
 
@@ -37,7 +37,7 @@ class LidarWindow:
 
     Attributes:
         gain: (n,) factor on the power of returns, both ways.
-        coverage: (NUM_WINDOW_SECTORS,) fraction of each sector's glass that is covered.
+        coverage: (NUM_WINDOW_SECTORS,) covered fraction of each sector's glass.
         sector: (n,) sector of each beam.
     """
 
@@ -68,13 +68,13 @@ class LidarWindow:
         return LidarWindow(gain.astype(np.float32)[sector], by_sector.astype(np.float32), sector)
 
     def find_clear_beams(self, uniform: FloatArray) -> NDArray[np.bool_]:
-        """Whether each beam (n,) is not blocked, by random numbers (sectors,) from 0 to 1."""
+        """Find which beams (n,) are clear, by random numbers (sectors,) from 0 to 1."""
         return (uniform >= BLOCKED_PER_COVERED * self.coverage)[self.sector]
 
 
 @dataclass(frozen=True, eq=False)
 class LidarConditions:
-    """Air, light and ground as a LiDAR at 905 nm has them.
+    """Air, light and ground for a LiDAR at 905 nm.
 
     Attributes:
         extinction: Extinction coefficients of the air, part by part.
@@ -104,18 +104,18 @@ class LidarConditions:
         return self.extinction.at_905nm
 
     def tabulate_air(self, lidar: Lidar) -> "AirTables":
-        """Tabulate the air as a LiDAR sees it; kept for its next scans."""
+        """Tabulate the air for a LiDAR; the tables are kept for its next scans."""
         receiver, beam = Receiver.from_lidar(lidar), BeamShape.from_lidar(lidar)
         return _tabulate_air(self.extinction, receiver, beam)
 
 
 @dataclass(frozen=True, eq=False)
 class AirTables:
-    """An air as a receiver sees it.
+    """Air for a receiver.
 
     Attributes:
-        extinction_per_m: Extinction coefficient of the light that the receiver sees.
-        delay_per_m: Mean delay of that light in range, over the range squared.
+        extinction_per_m: Extinction coefficient of the light in the receiver's view.
+        delay_per_m: Mean delay of this light in range, over the range squared.
         soft_target: Fog and dust; None if there is neither.
         particles: Falling rain, snow and hail.
     """
@@ -148,7 +148,7 @@ MIN_VISIBLE_SUN_LX = 1_000.0
 
 
 def derive_lidar_conditions(atmosphere: Atmosphere, lens: Lens) -> LidarConditions:
-    """Derive what a LiDAR at 905 nm needs of an atmosphere, and of the glass before it."""
+    """Derive the conditions of a LiDAR at 905 nm from an atmosphere and the glass before it."""
     return LidarConditions(
         extinction=atmosphere.extinction,
         has_spray=has_spray(atmosphere.water_film_mm),

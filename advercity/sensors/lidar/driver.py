@@ -59,7 +59,7 @@ class LidarDriver(SensorDriver):
 
 
 def find_scan_time(lidar: Lidar, frame: Frame, poses: AgentPoses) -> ScanTime:
-    """Find when a LiDAR takes the scan that ends at a frame's instant."""
+    """Find the time of a LiDAR's scan at a frame; the scan ends at the frame's instant."""
     period_s = lidar.find_scan_period_s(poses.tick_s)
     end_s = frame.index * poses.tick_s + poses.find_shift_s(frame)
     return ScanTime(round(end_s / period_s, 9), period_s)

@@ -1,11 +1,11 @@
-"""Light that droplets, drops and flakes scatter forward, and that a receiver still sees.
+"""Light scattered forward by droplets, drops and flakes, within a receiver's view.
 
-Particles much larger than the wavelength diffract half of what they take from a beam into a lobe
-about its direction. A receiver with a field of view keeps the part that is scattered so close to
-the target, on the way out or back, that it stays in view. That weakens the extinction (Platt, J.
-Atmos. Sci. 38, 156 (1981)) and delays the return. The lobe is a Gaussian (Eloranta, Appl. Opt. 37,
-2464 (1998)) and each ray is scattered once on each way, which holds while the optical depth of the
-part kept is small; light scattered by wide angles, a diffuse background, is lost.
+Particles much larger than the wavelength diffract half of the light they remove from a beam into a
+lobe about its direction. A receiver with a field of view keeps the part scattered close to the
+target, on the way out or back. This weakens the extinction (Platt, J. Atmos. Sci. 38, 156 (1981))
+and delays the return. The lobe is a Gaussian (Eloranta, Appl. Opt. 37, 2464 (1998)). Each ray is
+scattered once on each way, which holds while the optical depth of the kept part is small. Light
+scattered by wide angles, a diffuse background, is lost.
 """
 
 import math
@@ -16,16 +16,16 @@ from advercity.physics.weather_parts.part import Precipitation, Suspension
 
 WAVELENGTH_M = 905e-9
 DIFFRACTED_FRACTION = 0.5
-"""Fraction of extinction that is diffraction, in the geometric limit."""
+"""Fraction of diffraction in extinction, in the geometric limit."""
 
 
 @dataclass(frozen=True)
 class Diffraction:
-    """Particles that diffract.
+    """Diffracting particles.
 
     Attributes:
-        extinction_per_m: Their extinction coefficient.
-        diameter_m: Their diameter, the mean over their cross-section.
+        extinction_per_m: Extinction coefficient.
+        diameter_m: Mean diameter, weighted by cross-section.
     """
 
     extinction_per_m: float
@@ -48,11 +48,11 @@ class Diffraction:
         return WAVELENGTH_M / (math.pi * self.diameter_m / 2.0)
 
     def kept_extinction_per_m(self, field_of_view_rad: float) -> float:
-        """Compute the part of the extinction that a receiver of a full field of view undoes.
+        """Compute the part of the extinction regained by a receiver with a full field of view.
 
         Light scattered at the distance x before a target at R stays in view if it lands within
-        half of the field of view times R: the fraction 1 - exp(-(q R / x)²), with q the half field
-        of view over the lobe's width; the result is its mean over the path.
+        half of the field of view times R. The fraction is 1 - exp(-(q R / x)²), with q the half
+        field of view over the lobe's width; the result is its mean over the path.
         """
         q = field_of_view_rad / 2.0 / self.lobe_rad
         mean = 1.0 - math.exp(-q * q) + math.sqrt(math.pi) * q * math.erfc(q)
@@ -69,7 +69,7 @@ class Diffraction:
 
 
 def kept_extinction_per_m(particles: Iterable[Diffraction], field_of_view_rad: float) -> float:
-    """Compute the extinction, of all particles together, that a receiver undoes."""
+    """Compute the extinction regained by a receiver, of all particles together."""
     return sum(item.kept_extinction_per_m(field_of_view_rad) for item in particles)
 
 

@@ -21,9 +21,9 @@ from advercity.sensors.lidar.scan import ScanHits, scan_fractions
 from advercity.sensors.measurements import PointCloud
 
 SUN_BLINDING_ANGLE_RAD = math.radians(1.0)
-"""Angle to the sun within which a beam detects nothing."""
+"""Angle to the sun within which a beam is blind."""
 _CARLA_ATTENUATION_PER_M = 0.004
-"""Default `atmosphere_attenuation_rate` of CARLA's LiDAR, which the drop-off rule is defined by."""
+"""Default `atmosphere_attenuation_rate` of CARLA's LiDAR; it defines the drop-off rule."""
 
 
 def measure_point_cloud(
@@ -37,8 +37,8 @@ def measure_point_cloud(
     """Measure the points of one scan.
 
     Surfaces, surfaces behind windows or mirrored in puddles, fog, dust, drops, flakes and the
-    spray of `states` all return light. Overlapping returns of a beam merge; of those above the
-    receiver's threshold the rig reports the strongest, the last or both.
+    spray of `states` all return light. Overlapping returns of a beam merge. Among the returns above
+    the receiver's threshold, the rig reports the strongest, the last or both.
     """
     streams = RandomStreams(rng)
     window = LidarWindow.from_lidar(lidar, scan.time, air.window_coverage)
@@ -56,9 +56,9 @@ def measure_point_cloud(
 
 
 def dropoff_survival_fraction(lidar: Lidar, range_m: FloatArray) -> FloatArray:
-    """Compute the fraction (n,) of returns that survive the rig's intensity drop-off.
+    """Compute the fraction (n,) of returns left by the rig's intensity drop-off.
 
-    CARLA's rule on CARLA's intensity, exp(-0.004 R), which ignores target and weather.
+    This is CARLA's rule on CARLA's intensity, exp(-0.004 R), which ignores target and weather.
     """
     intensity = np.exp(-_CARLA_ATTENUATION_PER_M * range_m)
     weakness = np.maximum(0.0, 1.0 - intensity / max(lidar.dropoff_intensity_limit, 1e-9))
@@ -72,7 +72,7 @@ def _find_active_beams(
     streams: RandomStreams,
     window: LidarWindow | None,
 ) -> NDArray[np.bool_] | None:
-    """Find the beams (n,) that are fired and neither blocked nor blinded; None if all are."""
+    """Find the fired beams (n,), neither blocked nor blinded; None for all beams."""
     is_active: NDArray[np.bool_] | None = None
     if lidar.dropoff_rate:
         uniform = streams.uniform(StreamPurpose.FIRED, lidar.azimuths * lidar.channels)
@@ -92,7 +92,7 @@ def _find_active_beams(
 def _collect_returns(
     lidar: Lidar, sources: ReturnSources, is_active: NDArray[np.bool_] | None
 ) -> tuple[list[Returns], list[Returns]]:
-    """Collect the returns of active beams: of sources with one per beam, and of all others.
+    """Collect the returns of active beams: sources with one return per beam, and all others.
 
     With sub-rays a surface has several returns per beam, so all sources count as others.
     """
@@ -145,7 +145,7 @@ def _build_point_cloud(sources: ReturnSources, found: Returns) -> PointCloud:
 def _measure_intensity(
     sources: ReturnSources, found: Returns, ring: NDArray[np.int32]
 ) -> FloatArray:
-    """Compute the intensity (n,) as the sensor reports it, from 0 to 1."""
+    """Compute the reported intensity (n,), from 0 to 1."""
     lidar = sources.lidar
     power = found.power * np.float32(receiver_noise_factor(lidar, sources.air))
     efficiency = channel_efficiencies(lidar)

@@ -19,7 +19,7 @@ class StreamPurpose(IntEnum):
     """Purpose of a stream.
 
     Values are jumps of the generator: a new purpose goes to the end, or every dataset changes.
-    Those from 64 on are the point kinds of other distributions.
+    Values from 64 on are the point kinds of other distributions.
     """
 
     FIRED = 0

@@ -1,7 +1,7 @@
 """The LiDAR equation, detection statistics, and the reflectance of surfaces at 905 nm.
 
-Powers are relative to the detection threshold in the dark: a return of 1 is detected half of the
-time.
+Powers are relative to the detection threshold in the dark, where half of the returns of power 1
+are detected.
 """
 
 import math
@@ -21,13 +21,13 @@ from advercity.semantics import Semantic
 
 REFERENCE_REFLECTANCE = 0.10
 REFERENCE_MOR_M = 20_000.0
-"""Data sheets state the range at which a target of that reflectance is detected in such air."""
+"""Reflectance of the target and visibility of the air for the detection range of data sheets."""
 SIGNAL_TO_NOISE = 5.0
 """Signal-to-noise ratio of a return at the detection threshold."""
 PULSE_LENGTH_M = 0.749
 """Half the length of a 5 ns pulse: returns closer than this overlap and count as one."""
 NOISE_DOUBLING_LX = 50_000.0 / 0.3
-"""Illuminance that adds as much noise power as the receiver has in the dark."""
+"""Illuminance whose noise power equals the receiver's in the dark."""
 _REFERENCE_PULSE_NS = 5.0
 
 
@@ -36,12 +36,12 @@ class Receiver:
     """The sensitivity of a receiver and the length of its pulses.
 
     Attributes:
-        white_target_power: Power of a white target that faces the sensor in a vacuum, relative to
-            the threshold in the dark, without the factor 1/(R² + near_field²).
+        white_target_power: Power of a white target facing the sensor in a vacuum, relative to the
+            threshold in the dark, without the factor 1/(R² + near_field²).
         near_field_m: Range below which gain control and incomplete overlap keep power from
             growing with 1/R².
         pulse_length_m: Returns closer than this overlap and count as one.
-        field_of_view_rad: Full angle from which a channel receives.
+        field_of_view_rad: Full field of view of a channel.
     """
 
     white_target_power: float
@@ -51,7 +51,7 @@ class Receiver:
 
     @staticmethod
     def from_lidar(lidar: Lidar) -> "Receiver":
-        """Build the receiver that detects a target of 10 % at the range that the rig declares."""
+        """Build the receiver that detects a target of 10 % at the range declared by the rig."""
         declared = lidar.receiver
         range_m, near_field_m = declared.range_at_10_percent_m, declared.near_field_m
         returned = (
@@ -78,8 +78,8 @@ class Receiver:
     ) -> FloatArray:
         """Compute the power (n,) of a hard Lambertian target, relative to the threshold.
 
-        The LiDAR equation for a target that fills the beam: `rho cos(a) exp(-2 k R) / (R² + R0²)`,
-        of which `reflected_fraction` is `rho cos(a)`.
+        The LiDAR equation of a target that fills the beam is
+        `rho cos(a) exp(-2 k R) / (R² + R0²)`; `reflected_fraction` is `rho cos(a)`.
         """
         # In the dtype of the ranges: a float64 factor would promote whole float32 scans.
         transmittance = np.exp(range_m * range_m.dtype.type(-2.0 * extinction_per_m))
@@ -87,15 +87,15 @@ class Receiver:
         return transmittance * reflected_fraction * falloff
 
     def apparent_reflectance(self, power: FloatArray, range_m: FloatArray) -> FloatArray:
-        """Compute the reflectance (n,) that a target in clear air would have."""
+        """Compute the reflectance (n,) of a target with the same power in clear air."""
         return power * ((range_m * range_m + self.near_field_m**2) / self.white_target_power)
 
     def detection_range_m(
         self, reflectance: float, extinction_per_m: float, *, max_range_m: float = 200.0
     ) -> float:
-        """Compute the range at which a target that faces the sensor is detected half of the time.
+        """Compute the range, in the dark, where a target facing the sensor has power 1.
 
-        In the dark, with an extinction that holds for all of its light.
+        `extinction_per_m` holds for all of its light.
         """
         step = DETECTION_RANGE_STEP_M
         ranges = np.arange(step, max_range_m + step / 2, step)
@@ -113,15 +113,15 @@ def range_standard_deviation_m(lidar: Lidar, power: FloatArray) -> FloatArray:
 DETECTION_RANGE_STEP_M = 0.1
 WHITE_LEVEL_OF_BYTE = 255.0
 BRIGHTEST_REFLECTANCE = 1000.0
-"""Reflectance that a receiver reports as 255: the brightest sheeting returns 300 cd/lx/m², pi times
-which is its reflectance."""
+"""Reflectance reported as 255: the brightest sheeting returns 300 cd/lx/m², and its reflectance is
+pi times this number."""
 
 
 def reflectivity_fraction(reflectance: FloatArray, white_level: int) -> FloatArray:
-    """Compute the level (n,) that a sensor reports for a reflectance, over 255.
+    """Compute the reported level (n,) of a reflectance, over 255.
 
-    Linear up to 100 %, which has the level `white_level`, and logarithmic for retroreflectors, as
-    the manuals of Velodyne and Ouster have it.
+    The level is linear up to `white_level` at 100 %, and logarithmic for retroreflectors, as in the
+    manuals of Velodyne and Ouster.
     """
     span = (WHITE_LEVEL_OF_BYTE - white_level) / math.log(BRIGHTEST_REFLECTANCE)
     beyond = white_level + span * np.log(np.maximum(reflectance, 1.0))
@@ -150,14 +150,14 @@ _WATER_INTERNAL_REFLECTANCE_905NM = 0.4702
 _BEAD_SHADING_COSINE = 0.05
 """Cosine of incidence below which glass beads in paint shade each other."""
 _WET_BEAD_FACTOR = 0.2
-"""Fraction of the beads' retroreflection that remains on a soaked road."""
+"""Fraction of the beads' retroreflection left on a soaked road."""
 
 
 def compute_rough_lobe(facet_slope_deg: float) -> float:
-    """Compute the return of a rough surface at grazing incidence, relative to that facing it.
+    """Compute the return of a rough surface at grazing incidence, relative to normal incidence.
 
-    A rough surface returns `cos(a) + lobe sin²(a)` of what it returns when it faces the sensor:
-    Oren and Nayar's qualitative model (SIGGRAPH 1994), with source and sensor at one place.
+    The return at the angle a, relative to normal incidence, is `cos(a) + lobe sin²(a)`, by Oren and
+    Nayar's qualitative model (SIGGRAPH 1994) with source and sensor at one place.
 
     Args:
         facet_slope_deg: Standard deviation of the inclination of its Lambertian facets.
@@ -181,13 +181,12 @@ IS_GLASS = np.array([row.is_transparent for row in _ROWS])
 def effective_reflectance(
     hits: RayHits, *, wetness: float = 0.0, snow_cover: float = 0.0, road_snow_cover: float = 0.0
 ) -> FloatArray:
-    """Compute the return of surfaces (n,) relative to a white one that faces the sensor.
+    """Compute the return of surfaces (n,) relative to a white one facing the sensor.
 
     A Lambertian surface returns its reflectance times the cosine of incidence, a rough one more at
-    grazing incidence; retroreflectors return more than 1.
-    Water films and snow cover surfaces that face up and are under the sky; walls and windows stay
-    as they are.
-    `wetness` is 0 dry to 1 soaked; covers are fractions of the ground and of carriageways.
+    grazing incidence; retroreflectors return more than 1. Water films and snow cover surfaces that
+    face up under the open sky, not walls and windows. `wetness` is 0 dry to 1 soaked; covers are
+    fractions of the ground and of carriageways.
     """
     reflectance, lobe = (table.take(hits.material) for table in (_DIFFUSE, _ROUGH_LOBE))
     upward = (
@@ -201,7 +200,7 @@ def effective_reflectance(
         reflectance = reflectance + covered * (np.float32(SNOW_REFLECTANCE_905NM) - reflectance)
         lobe = lobe + covered * (_SNOW_LOBE - lobe)
     cosine = hits.cosine
-    # Rays that hit nothing have a cosine of 0.
+    # Misses have a cosine of 0.
     square_sine = (1.0 - cosine * cosine) * (cosine > 0.0)
     effective = reflectance * (cosine + lobe * square_sine)
     if upward is not None and wetness:
@@ -239,7 +238,7 @@ def wet_reflectance_ratio(
 
     Light crosses the surface twice and is partly absorbed after internal reflection (Angstrom
     1925; Lekner and Dorf 1988); at grazing incidence most of it is reflected away. Water refracts
-    it towards the normal, so that little is left of the lobe of a rough target.
+    it towards the normal, which leaves little of the lobe of a rough target.
     """
     index_squared = WATER_REFRACTIVE_INDEX_905NM**2
     transmitted = 1.0 - fresnel_reflectance(cosine, WATER_REFRACTIVE_INDEX_905NM)

@@ -43,10 +43,10 @@ from advercity.sensors.measurements import PointKind
 from advercity.sensors.point_kinds import find_point_kind
 
 MIN_RELEVANT_POWER = 0.2
-"""Power of returns, times the sub-rays that may add up to one, below which they are dropped: noise
-would have to lift them over the threshold by four standard deviations."""
+"""Power below which returns are dropped, divided by the sub-rays of a beam, whose powers may add
+up: noise would have to lift them over the threshold by four standard deviations."""
 SPRAY_PENETRATION_M = 3.0
-"""Depth of a plume from which returns come."""
+"""Greatest depth of returns in a plume."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class ReturnSources:
         """Compute the returns of first surfaces, one per ray in order; power 0 for a miss."""
         hits = self.scan.hits
         reflectance = self._effective_reflectance(hits)
-        # Water mirrors the beam away: rays that hit it return from what they see in it.
+        # Water mirrors the beam away: its rays return from the mirrored surfaces instead.
         reflectance[self.scan.puddle_rays] = 0.0
         return self._hard_target_returns(
             hits, reflectance, None, self._draw_noise(StreamPurpose.SURFACE_NOISE, len(reflectance))
@@ -124,7 +124,7 @@ class ReturnSources:
         return _build_airborne_returns(beam, range_m, power, noise, kind)
 
     def _draw_soft_kinds(self, fractions: Mapping[str, float], count: int) -> NDArray[np.uint8]:
-        """Draw the kind (count,) of particle that each beam's return is of."""
+        """Draw the kind (count,) of the particles in each beam's return."""
         first, *others = fractions
         kind = np.full(count, find_point_kind(first), np.uint8)
         if others:
@@ -146,7 +146,7 @@ class ReturnSources:
                 yield self._spray_returns(plume, rng)
 
     def stray_light_returns(self, surfaces: Returns) -> Returns | None:
-        """Compute the returns beside surfaces that are brighter than white; None without any."""
+        """Compute the stray returns around surfaces brighter than white; None without any."""
         stray_light_db = self.lidar.receiver.stray_light_db
         if stray_light_db is None:
             return None
@@ -165,7 +165,7 @@ class ReturnSources:
         return _build_airborne_returns(beam, range_m, power, noise, PointKind.STRAY)
 
     def _secondary_returns(self) -> Iterator[Returns]:
-        """Yield the returns of surfaces behind panes, then of those mirrored in puddles."""
+        """Yield the returns of surfaces behind panes, then of surfaces mirrored in puddles."""
         # One stream for all: puddles, which depend on the weather, must draw last.
         scan = self.scan
         sources = [(hits, PointKind.SURFACE) for hits in scan.behind_glass]
@@ -181,7 +181,7 @@ class ReturnSources:
             yield returns.select(returns.power > 0.0)
 
     def _particle_returns(self, table: ParticleTable) -> Returns:
-        """Compute the returns of drops or flakes in front of the surface that stops each beam."""
+        """Compute the returns of drops or flakes in front of each beam's first surface."""
         kind = find_point_kind(table.part.name)
         purpose = StreamPurpose[kind.name] if isinstance(kind, PointKind) else kind
         rng = self.streams.open_stream(purpose)
@@ -285,8 +285,8 @@ class ReturnSources:
             power *= self.beam_gain if beam is None else self.beam_gain[beam]
 
     def _delay(self, range_m: FloatArray) -> FloatArray:
-        """Lengthen ranges (n,) by the detours of light that is scattered forward."""
-        # Without a field of view none of that light is received.
+        """Lengthen ranges (n,) by the detours of light scattered forward."""
+        # A receiver without a field of view receives no such light.
         if not self._tables.delay_per_m:
             return range_m
         return range_m + np.float32(self._tables.delay_per_m) * range_m * range_m
@@ -327,7 +327,7 @@ def _build_airborne_returns(
     noise: FloatArray,
     kind: int | NDArray[np.uint8],
 ) -> Returns:
-    """Build returns that belong to no object, of one kind or of a kind (k,) each."""
+    """Build returns without an object, of one kind or of a kind (k,) each."""
     return Returns(
         beam=beam,
         range_m=range_m,

@@ -1,4 +1,4 @@
-"""Returns of a scan, and those that the receiver resolves, detects and reports."""
+"""Returns of a scan, and their resolution, detection and selection by the receiver."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -13,7 +13,7 @@ from advercity.sensors.lidar.received_power import detection_margin_sigma
 ReturnMode = Literal["strongest", "last", "dual"]
 
 _SORT_RANGE_STEP_M = 1.0 / 1024.0
-"""Resolution of ranges in sort keys; a power of two, so that the division is exact."""
+"""Resolution of ranges in sort keys; a power of two, so the division is exact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Returns:
         beam: (k,) int32 row of the beam.
         range_m: (k,) float32.
         power: (k,) float32 relative to the threshold.
-        noise: (k,) float32 of the receiver at its arrival, standard normal.
+        noise: (k,) float32 of the receiver at the return's arrival, standard normal.
         kind: (k,) uint8 of `PointKind`.
         semantic: (k,) uint8 of `Semantic`.
         instance: (k,) int32 id of the actor, or 0.
@@ -67,10 +67,10 @@ def select_reported(
     return_mode: ReturnMode,
     pulse_length_m: float,
 ) -> Returns:
-    """Select the returns that the receiver reports, sorted by beam, then by range.
+    """Select the returns reported by the receiver, sorted by beam, then by range.
 
-    Overlapping returns of a beam merge; of those above the threshold the receiver reports what its
-    mode says. Returns without power do not exist.
+    Overlapping returns of a beam merge. Among the returns above the threshold, the mode of the
+    receiver decides. Returns without power do not exist.
 
     Args:
         per_beam: Returns of up to two sources with exactly one per beam, in the order of beams.
@@ -79,8 +79,8 @@ def select_reported(
         return_mode: Mode of the receiver.
         pulse_length_m: Returns closer than this overlap.
     """
-    # Sorting is the cost here. Most beams have returns of the one or two per-beam sources only,
-    # which a comparison decides; just the crowded ones are merged and sorted.
+    # Sorting is the cost here. Most beams have returns of the one or two per-beam sources only, and
+    # a comparison decides; only crowded beams are merged and sorted.
     crowded = np.zeros(beams, np.bool_)
     for part in others:
         crowded[part.beam] = True
@@ -111,10 +111,10 @@ def _is_contested(
 
 
 def merge_overlapping(returns: Returns, pulse_length_m: float) -> Returns:
-    """Merge the returns of a beam that follow each other within a pulse's length.
+    """Merge successive returns of a beam within a pulse's length.
 
-    Powers add, the range is the power-weighted mean, all else is of the strongest. The result is
-    sorted by beam, then by range.
+    Powers add, the range is the power-weighted mean, all else is taken from the strongest. The
+    result is sorted by beam, then by range.
     """
     # The stable sort is fast because every source is sorted by beam already.
     returns = returns.select(np.argsort(_compute_sort_keys(returns), kind="stable"))
@@ -157,7 +157,7 @@ def select_by_mode(returns: Returns, return_mode: ReturnMode) -> Returns:
 
 
 def _find_strongest_rows(power: FloatArray, first: IndexArray) -> IndexArray:
-    """Find the row of the strongest return of each group, by first rows; the nearest of equals."""
+    """Find the row of each group's strongest return, by first rows; of equals, the nearest."""
     strongest = first.copy()
     size = np.diff(first, append=len(power))
     for step in range(1, int(size.max(initial=1))):

@@ -1,4 +1,4 @@
-"""Surfaces that the beams of one scan hit, independent of the air: rays, panes and puddles."""
+"""Surfaces hit by the beams of one scan, independent of the air: rays, panes and puddles."""
 
 from dataclasses import dataclass, replace
 
@@ -27,9 +27,9 @@ from advercity.sensors.lidar.received_power import (
 )
 
 MAX_GLASS_PANES = 2
-"""Number of panes that a ray passes at most: into a car and out of it."""
+"""Largest number of panes on the path of a ray: into a car and out of it."""
 _RAY_EPSILON_M = 1e-3
-"""Offset of secondary rays from the surface they start at, so that they do not hit it again."""
+"""Offset of secondary rays from their first surface, so they do not hit it again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class SecondaryHits:
 
     Attributes:
         ray: (k,) rows of the scan's rays, ascending.
-        transmittance: (k,) fraction of the power that returns, both ways.
+        transmittance: (k,) transmitted or mirrored fraction of the power, both ways.
         hits: (k,) surfaces hit; ranges are path lengths from the sensor.
     """
 
@@ -49,18 +49,18 @@ class SecondaryHits:
 
 @dataclass(frozen=True, eq=False)
 class ScanHits:
-    """Surfaces that the rays of one scan hit.
+    """Surfaces hit by the rays of one scan.
 
     Attributes:
         hits: (n,) first surfaces in the order of `beam_directions`, sub-rays of a beam adjacent.
         behind_glass: Hits behind one, two and more panes.
-        puddle_rays: (p,) rows of rays that hit standing water.
+        puddle_rays: (p,) rows of rays on standing water.
         puddle_reflection: Hits of their mirrored rays; None without puddles.
         world_from_lidar: (4, 4) pose at the frame's instant.
-        now_from_then: (azimuths, 4, 4) transform to the LiDAR frame at the frame's instant from
-            that when the head passed each azimuth; None if the scan is instantaneous.
-        time: When the scan is taken.
-        cover: What keeps precipitation off parts of the world; None without any.
+        now_from_then: (azimuths, 4, 4) transform from the LiDAR frame at the passing of each
+            azimuth to the LiDAR frame at the frame's instant; None if the scan is instantaneous.
+        time: Time of the scan.
+        cover: Surfaces above the ground, with no precipitation below; None if there are none.
     """
 
     hits: RayHits
@@ -87,10 +87,10 @@ def cast_scan(
     Args:
         lidar: The sensor; with `motion_distortion` the scan ends at the frame's instant.
         world_from_lidar: (4, 4) pose at the frame's instant.
-        raycaster: Placed at this frame; with `motion_distortion`, also when it starts.
-        previous_world_from_lidar: (4, 4) pose when the scan starts; None for a sensor at rest.
+        raycaster: Placed at this frame; with `motion_distortion`, also at the scan's start.
+        previous_world_from_lidar: (4, 4) pose at the scan's start; None for a sensor at rest.
         puddle_coverage: Fraction of the carriageway under standing water.
-        time: When the scan is taken, by which prisms have turned, and how long it takes.
+        time: Time of the scan, which decides the angles of prisms, and its duration.
     """
     world_from_head = _interpolate_head_poses(lidar, world_from_lidar, previous_world_from_lidar)
     directions = build_ray_directions(build_scan_pattern(lidar, time))
@@ -157,7 +157,7 @@ def _split_pose(matrix: Matrix) -> tuple[Matrix, Matrix]:
 def _cast_through_glass(
     rays: Rays, hits: RayHits, raycaster: Raycaster, range_m: float
 ) -> tuple[SecondaryHits, ...]:
-    """Continue rays that hit glass, pane by pane."""
+    """Continue the rays on glass, pane by pane."""
     found: list[SecondaryHits] = []
     ray = np.flatnonzero(IS_GLASS.take(hits.material) & np.isfinite(hits.range_m))
     pane_m = hits.range_m[ray]
@@ -174,7 +174,7 @@ def _cast_through_glass(
 
 
 def _find_puddle_rays(rays: Rays, hits: RayHits, coverage: float) -> IndexArray:
-    """Find the rays that hit a carriageway under standing water."""
+    """Find the rays on a carriageway under standing water."""
     if not coverage:
         return np.empty(0, np.intp)
     ray = np.flatnonzero((hits.semantic == Semantic.ROAD) | (hits.semantic == Semantic.ROAD_LINE))
@@ -214,7 +214,7 @@ def _cast_secondary(
         origins += np.float32(_RAY_EPSILON_M) * reflected
     hits = raycaster.cast(replace(rays_in, origins=origins, directions=directions), range_m)
     ends_m = hits.range_m + start_m
-    # What is out of range is a miss in every respect, or it would return power from nowhere.
+    # Hits beyond the range lose all their fields, or they would still return power.
     reached = ends_m <= range_m
     return RayHits(
         range_m=np.where(reached, ends_m, np.float32(np.inf)),

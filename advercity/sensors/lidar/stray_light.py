@@ -1,8 +1,8 @@
-"""Blooming: light of bright targets that reaches beams beside them.
+"""Blooming: light of bright targets in nearby beams.
 
 Mirrors and lenses scatter a small part of the light about its direction. In the far wings of a
 receiver's point spread it falls with the square of the angle (Harvey and Peterson's law with the
-exponent -2), so a sign a thousand times as bright as white is detected by beams that miss it.
+exponent -2), so beams next to a sign a thousand times as bright as white detect it, too.
 """
 
 import math
@@ -15,30 +15,30 @@ from advercity.sensors.lidar.beams import ScanPattern, build_ray_directions
 from advercity.sensors.lidar.returns import Returns
 
 MAX_STRAY_ANGLE_DEG = 3.0
-"""Angle beyond which no stray light is looked for."""
+"""Largest angle of the search for stray light."""
 MIN_STRAY_POWER = 0.02
 """Power, of one target's beam in another beam, below which stray light is left out."""
 _GROUP = 64
-"""Bright beams at a time: neighbours, so that few other beams are near any of them."""
+"""Bright beams at a time; they are neighbours, so few other beams are near any of them."""
 
 
 def find_stray_light(
     pattern: ScanPattern, bright: Returns, stray_light_db: float, pulse_length_m: float
 ) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:
-    """Find the stray light that every beam receives of bright returns.
+    """Find the stray light of bright returns in every beam.
 
-    Light of bright returns that overlap in range adds up to one return.
+    Light of bright returns overlapping in range adds up to one return.
 
     Args:
         pattern: Pattern of the beams, one ray each.
         bright: Returns whose light strays.
-        stray_light_db: Power that a beam receives 1 deg off a target, relative to one on it.
+        stray_light_db: Power in a beam 1 deg off a target, relative to a beam on it.
         pulse_length_m: Returns closer than this overlap.
 
     Returns:
         Beam (k,) ascending, range (k,) and power (k,) relative to the threshold.
     """
-    # By beam first, so that sums do not depend on the order of returns at one range.
+    # Equal ranges are sorted by beam, so sums do not depend on the order of the input.
     nearest_first = bright.select(np.lexsort((bright.beam, bright.range_m)))
     apart = np.flatnonzero(np.diff(nearest_first.range_m) >= pulse_length_m) + 1
     found = [
@@ -53,7 +53,7 @@ def find_stray_light(
 def _spread_light(
     pattern: ScanPattern, bright: Returns, stray_light_db: float
 ) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:
-    """Spread the light of returns that overlap in range over all beams beside them."""
+    """Spread the light of returns overlapping in range over all nearby beams."""
     at_one_degree = 10.0 ** (stray_light_db / 10.0)
     directions, bright = build_ray_directions(pattern), bright.select(np.argsort(bright.beam))
     power, weighted_m = np.zeros(len(directions)), np.zeros(len(directions))
@@ -76,7 +76,7 @@ def _spread_light(
 
 
 def _find_beams_beside(directions: FloatArray, group: Returns, at_one_degree: float) -> IndexArray:
-    """Find the beams (k,) that may receive light of any return of a group, ascending."""
+    """Find the beams (k,) within reach of the light of a group's returns, ascending."""
     axes = directions.take(group.beam, axis=0)
     middle = axes[len(axes) // 2 :][:1]
     strongest = float(group.power.max()) * at_one_degree / MIN_STRAY_POWER
@@ -88,6 +88,6 @@ def _find_beams_beside(directions: FloatArray, group: Returns, at_one_degree: fl
 
 def _square_chord(directions: FloatArray, axes: FloatArray) -> FloatArray:
     """Compute the squared distances (n, m) of unit vectors (n, 3) and (m, 3)."""
-    # Axis by axis: a product of matrices would lose all digits of small angles.
+    # Axis by axis: a matrix product would lose all digits of small angles.
     x, y, z = ((a[:, None] - b) ** 2 for a, b in zip(directions.T, axes.T, strict=True))
     return x + y + z

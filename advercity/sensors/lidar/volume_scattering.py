@@ -1,7 +1,7 @@
 """Returns from within the air: fog and dust, single drops and flakes, plumes of spray.
 
 Fog and dust scatter all along the beam, which adds up to one broad return near the sensor
-(Rasshofer, Spies and Spies 2011). Drops and flakes that scatter enough to be detected are rare and
+(Rasshofer, Spies and Spies 2011). Drops and flakes large enough for detection are rare and
 independent, so the number in a beam is Poisson distributed. Both are tabulated once per weather: a
 beam costs a few look-ups, and no particle is simulated.
 """
@@ -40,13 +40,13 @@ from advercity.sensors.spray_plumes import (
 SPRAY_LIDAR_RATIO_SR = 20.0
 """Extinction over backscatter, as of droplets."""
 MIN_RANGE_M, MAX_RANGE_M, RANGE_STEP_M = 0.5, 60.0, 0.02
-"""Ranges that are tabulated; beyond, neither fog nor particles are detected."""
+"""Tabulated ranges; beyond, neither fog nor particles are detected."""
 LOG_POWER_DEVIATION = 0.3
 """Standard deviation of the logarithm of a return: droplets are never evenly spread."""
 NUM_PROFILE_LEVELS = 256
 NUM_RANGE_QUANTILES = 1 << 16
 MAX_PROFILE_CUT = 0.95
-"""Highest cut relative to the peak: a return that only noise lifts over the threshold comes from
+"""Highest cut relative to the peak: a return lifted over the threshold by noise alone comes from
 near the peak."""
 
 
@@ -69,19 +69,19 @@ class SoftTarget:
     _range_of_mass: FloatArray
     """Inverse of `_mass`, at even steps."""
     _mass_from: FloatArray
-    """(levels + 1,) mass below the range where the profile rises through each level."""
+    """(levels + 1,) mass up to the rise of the profile through each level."""
     _mass_to: FloatArray
-    """(levels + 1,) mass below the range where the profile falls through each level."""
+    """(levels + 1,) mass up to the fall of the profile through each level."""
 
     @staticmethod
     def from_extinction(
         extinction: AirExtinction, extinction_per_m: float, receiver: Receiver
     ) -> "SoftTarget | None":
-        """Tabulate floating particles as a receiver sees them; None if it sees none.
+        """Tabulate floating particles for a receiver; None if there are none.
 
         Args:
             extinction: Extinction of the air, part by part.
-            extinction_per_m: Extinction of the light that the receiver sees.
+            extinction_per_m: Extinction of the light in the receiver's view.
             receiver: The receiver.
         """
         backscatter = {
@@ -121,12 +121,12 @@ class SoftTarget:
     ) -> tuple[FloatArray, FloatArray]:
         """Draw the range and power (n,) of the return of every beam.
 
-        The range is distributed as the part of the profile that exceeds the threshold; the power
-        is that of the peak, which fluctuates. It is 0 where a surface leaves no room in front.
+        The range is distributed as the part of the profile above the threshold. The power is the
+        fluctuating peak, and 0 where a surface leaves no room in front.
 
         Args:
-            gain: (n,) factor on the profile, fluctuation included.
-            end_m: (n,) range of the surface that stops each beam; inf if there is none.
+            gain: (n,) factor on the profile, including fluctuation.
+            end_m: (n,) range of each beam's first surface; inf if there is none.
             uniform: (n,) random numbers from 0 to 1.
         """
         power = gain * np.float32(self.peak_power)
@@ -146,10 +146,10 @@ class SoftTarget:
 def pulse_profile(
     range_m: Float64Array, backscatter: float, extinction_per_m: float, receiver: Receiver
 ) -> Float64Array:
-    """Compute the power (n,) that an unbounded layer returns, relative to the threshold.
+    """Compute the power (n,) returned by an unbounded layer, relative to the threshold.
 
-    A sine-squared pulse, twice the receiver's `pulse_length_m`, integrates over all that it
-    covers; the delay of its own centre is subtracted.
+    A sine-squared pulse, twice the receiver's `pulse_length_m`, integrates over its length; the
+    delay of its own centre is subtracted.
 
     Args:
         range_m: (n,) apparent range, metres.
@@ -182,8 +182,8 @@ class ParticleTable:
         part: The particles.
         expected: Mean number of particles per beam with at least `MIN_PARTICLE_POWER`.
         range_m: (NUM_LEVELS,) quantiles of their ranges.
-        min_diameter_mm: (NUM_LEVELS,) melted diameter at each of these ranges of a particle with
-            exactly that power.
+        min_diameter_mm: (NUM_LEVELS,) melted diameter of a particle with exactly this power at
+            each of these ranges.
     """
 
     part: Precipitation
@@ -218,7 +218,7 @@ class ParticleTable:
     ) -> tuple[NDArray[np.int32], FloatArray, FloatArray]:
         """Draw beam (k,) ascending, range (k,) and power (k,) of all particles in a scan.
 
-        The caller drops those behind a surface.
+        The caller drops particles behind a surface.
         """
         count = int(rng.poisson(beams * self.expected))
         beam = np.sort(rng.integers(beams, size=count, dtype=np.int32))
@@ -244,8 +244,8 @@ def min_detectable_diameter_mm(
     beam: BeamShape,
     power: float,
 ) -> Float64Array:
-    """Compute the melted diameter (n,) of a particle that returns `power` times the threshold."""
-    # A particle returns the fraction of a beam-filling target that its area is of the beam's.
+    """Compute the melted diameter (n,) of a particle with `power` times the threshold."""
+    # Relative to a target that fills the beam, a particle returns its area over the beam's.
     reflectance = np.full_like(range_m, part.reflectance)
     filling = receiver.received_power(range_m, reflectance, extinction_per_m)
     area_m2 = power / filling * beam.cross_section_m2(range_m)
@@ -258,9 +258,9 @@ class PlumeCrossing:
 
     Attributes:
         beam: (k,) rows of beams.
-        enter_m: (k,) range at which each enters.
+        enter_m: (k,) range of each beam's entry.
         through_m: (k,) length of its path inside.
-        extinction_per_m: (k,) extinction coefficient in the middle of that path.
+        extinction_per_m: (k,) extinction coefficient in the middle of the path.
     """
 
     beam: IndexArray
@@ -276,7 +276,7 @@ def find_plume_crossings(
     *,
     time: ScanTime = FIRST_SCAN,
 ) -> Iterator[PlumeCrossing]:
-    """Find every plume that beams of a LiDAR at a pose (4, 4) cross, in the order of vehicles."""
+    """Find the plumes in the beams of a LiDAR at a pose (4, 4), in the order of vehicles."""
     directions = beam_directions(lidar, time)
     grid = BeamGrid.from_lidar(lidar, world_from_lidar)
     for state in iterate_spraying_states(states):

@@ -1,7 +1,7 @@
-"""A 4-D radar at 77 GHz: paths of its waves by rays, weather, and the detections it reports.
+"""A 4-D radar at 77 GHz: paths of its waves by rays, weather, and detections.
 
-Detections are in the radar's frame: right-handed, x forward, y left, z up. A radial velocity is
-positive for what moves away.
+Detections are in the radar's frame: right-handed, x forward, y left, z up. The radial velocity of
+receding targets is positive.
 """
 
 from advercity.sensors.radar.conditions import RadarConditions, derive_radar_conditions

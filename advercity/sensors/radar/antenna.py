@@ -10,7 +10,7 @@ from advercity.geometry.arrays import FloatArray
 from advercity.physics.microwaves import SPEED_OF_LIGHT_M_S, WAVELENGTH_M
 
 ARRAY_GAIN = 16.0
-"""Receivers that add up; transmitters take turns."""
+"""Gain by adding up the receivers; transmitters take turns."""
 LOSS_DB = 12.0
 """Windows in four dimensions, and the losses of circuits and antenna: an assumption."""
 BOLTZMANN_J_K, TEMPERATURE_K = 1.380649e-23, 290.0
@@ -35,8 +35,8 @@ def compute_two_way_gain(radar: Radar, out: FloatArray, home: FloatArray) -> Flo
 
     Args:
         radar: The sensor.
-        out: (n, 3) unit vectors in which waves leave, radar frame.
-        home: (n, 3) unit vectors from which they arrive, radar frame.
+        out: (n, 3) unit vectors along the waves sent, radar frame.
+        home: (n, 3) unit vectors towards the arriving waves, radar frame.
 
     Returns:
         (n,) product of both gains.
@@ -54,7 +54,7 @@ def is_in_view(radar: Radar, directions: FloatArray) -> NDArray[np.bool_]:
 
 
 def build_directions(azimuth: FloatArray, elevation: FloatArray) -> FloatArray:
-    """Build unit vectors (..., 3) from angles in radians that broadcast to (...)."""
+    """Build unit vectors (..., 3) from angles in radians; both broadcast to (...)."""
     azimuth, elevation = np.broadcast_arrays(azimuth, elevation)
     level = np.cos(elevation)
     parts = (level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation))
@@ -68,14 +68,15 @@ def compute_angles(directions: FloatArray) -> FloatArray:
 
 
 def compute_range_cell_m(radar: Radar) -> float:
-    """Compute the range that the bandwidth resolves."""
+    """Compute the range resolution of the bandwidth."""
     return SPEED_OF_LIGHT_M_S / (2e6 * radar.bandwidth_mhz)
 
 
 def compute_echo_factor(radar: Radar) -> float:
     """Compute the signal-to-noise ratio of a path per unit of gain², m² and 1/m⁴.
 
-    Radar equation with the energy of one measurement, whose time follows from the velocity cell.
+    This is the radar equation with the energy of one measurement, whose time follows from the
+    velocity cell.
     """
     time_s = WAVELENGTH_M / (2.0 * radar.speed_cell_m_s)
     energy_j = 10.0 ** (radar.transmit_dbm / 10.0 - 3.0) * time_s * ARRAY_GAIN

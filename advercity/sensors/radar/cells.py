@@ -1,7 +1,7 @@
-"""Resolution cells of a radar, and the power that paths bring into each.
+"""Resolution cells of a radar, and the power of paths in each.
 
-Only cells with paths are kept, by a key that is a number of four digits: velocity, azimuth,
-elevation and range. Successive ranges are successive keys, with room for the windows of detectors.
+Only cells with paths are kept. Their key is a number of four digits: velocity, azimuth, elevation
+and range. Successive ranges are successive keys, with room for the windows of detectors.
 """
 
 import math
@@ -20,14 +20,14 @@ from advercity.sensors.radar.paths import Paths
 from advercity.sensors.radar.surfaces import WAVENUMBER_PER_M
 
 MARGIN_CELLS = 32
-"""Cells beyond both ends of each axis, which windows may cover."""
+"""Cells beyond both ends of each axis, as room for windows."""
 NEIGHBOUR_LEAKAGE = 0.25
-"""Power of a target in the cell next to its own: -6 dB, of a Hann window."""
+"""Power of a target in the cell next to its own: -6 dB, for a Hann window."""
 MIN_SPREAD_POWER = 1.0
 """Power over the noise from which fields are spread over cells."""
 GHOSTS_PER_TARGET = 4.0
-"""Power by mirrors for that of the straight path up to which both are one target: a mirror without
-loss below a target, as the road nearly is, brings three times the straight power."""
+"""Ratio of mirrored to straight power up to which both are one target: a lossless mirror below a
+target, as the road nearly is, adds three times the straight power."""
 
 _TABLE_SIZE = 1 << 16
 _HASH_FACTOR = np.uint64(0x9E3779B97F4A7C15)
@@ -85,7 +85,7 @@ class CellGrid:
     def compute_offsets(
         self, range_m: FloatArray, rate_m_s: FloatArray, direction: FloatArray
     ) -> FloatArray:
-        """Compute how far (4, n) targets are from the middles of their cells, in cells."""
+        """Compute the offsets (4, n) of targets from the middles of their cells, in cells."""
         places = np.stack(self._place(range_m, rate_m_s, direction))
         middles = self.locate(range_m, rate_m_s, direction) + 0.5
         return np.clip(places - middles, -0.5, 0.5)
@@ -111,8 +111,8 @@ class CellGrid:
     def list_volume(self, free_m: Float64Array) -> tuple[FloatArray, FloatArray]:
         """List the directions (n, 3) and ranges (n,) of the middles of free cells.
 
-        They are ordered by azimuth, elevation and range; `free_m` (azimuths, elevations) is how far
-        each beam is free.
+        Cells are ordered by azimuth, elevation and range; `free_m` (azimuths, elevations) is the
+        free range of each beam.
         """
         radar, (_, azimuths, elevations, ranges) = self.radar, self.counts
         azimuth = (np.arange(azimuths) + 0.5) * radar.azimuth_cell_deg - radar.azimuth_fov_deg / 2
@@ -134,13 +134,13 @@ class Cells:
 
     Attributes:
         keys: (n,).
-        power: (n,) mean of what adds as power, over the receiver's noise.
-        field: (n,) complex root of what adds in phase.
-        range_m: (n,) mean of the paths, by their power; so are the next two.
-        rate_m_s: (n,) not folded.
-        direction: (n, 3) unit.
-        instance: (n,) int32 of the target with the most power; so is the next.
-        kind: (n,) uint8.
+        power: (n,) mean of the scattered power, over the receiver's noise.
+        field: (n,) complex root of the power that adds in phase, over the receiver's noise.
+        range_m: (n,) mean of the paths, weighted by power.
+        rate_m_s: (n,) mean of the paths, weighted by power, not folded.
+        direction: (n, 3) mean of the paths, weighted by power, unit.
+        instance: (n,) int32 id of the target with the most power.
+        kind: (n,) uint8 kind of the target with the most power.
     """
 
     keys: Keys
@@ -153,7 +153,7 @@ class Cells:
     kind: NDArray[np.uint8]
 
     def look_up(self, values: FloatArray, keys: Keys) -> Float64Array:
-        """Look up values (n,) of cells by keys (any shape); 0 where no path leads."""
+        """Look up values (n,) of cells by keys (any shape); 0 for cells without paths."""
         if not len(self.keys):
             return np.zeros(keys.shape)
         row = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
@@ -161,10 +161,10 @@ class Cells:
 
 
 def spread_fields(grid: CellGrid, cells: Cells) -> NDArray[np.complex128]:
-    """Spread what adds in phase (n,) from its cells over the next ones, as a Hann window does.
+    """Spread the fields (n,) of cells over the next ones, as a Hann window does.
 
-    Parts of one target in several cells so add up again. A target has its full power in its own
-    cell, as a receiver finds that interpolates peaks.
+    This adds up the parts of one target in several cells. A target keeps its full power in its own
+    cell, as in a receiver with interpolated peaks.
     """
     rows = np.flatnonzero(np.abs(cells.field) ** 2 > MIN_SPREAD_POWER)
     spread, strong = cells.field.copy(), cells.field[rows]
@@ -182,7 +182,7 @@ def spread_fields(grid: CellGrid, cells: Cells) -> NDArray[np.complex128]:
 
 
 def compute_hann_response(offset_cells: FloatArray) -> FloatArray:
-    """Compute the amplitude (any shape) of a target off the middle of a cell, over that in it.
+    """Compute the amplitude (any shape) of a target off a cell's middle, relative to the middle.
 
     On the border of two cells it is 0.85, a scalloping loss of 1.42 dB (Harris, Proc. IEEE 66, 51,
     1978, table 1); in the middle of the next cell it is 0.5.
@@ -203,7 +203,7 @@ class NumberPurpose(IntEnum):
 
 
 class CellNumbers:
-    """Random numbers of cells: a cell has the same ones whatever else the radar receives."""
+    """Random numbers of cells; a cell's numbers do not depend on other echoes."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._exponential = rng.standard_exponential(_TABLE_SIZE)
@@ -222,7 +222,7 @@ class CellNumbers:
 
 
 def collect_cells(grid: CellGrid, paths: Paths, snr_factor: FloatArray) -> Cells:
-    """Sum up paths by cell; `snr_factor` (n,) makes signal-to-noise ratios of their strengths."""
+    """Sum up paths by cell; `snr_factor` (n,) converts strengths to signal-to-noise ratios."""
     keys, cell = np.unique(
         grid.encode(grid.locate(paths.range_m, paths.rate_m_s, paths.direction)),
         return_inverse=True,
@@ -250,10 +250,10 @@ def collect_cells(grid: CellGrid, paths: Paths, snr_factor: FloatArray) -> Cells
 
 
 def _interfere(paths: Paths, cell: IndexArray, power: FloatArray, count: int) -> FloatArray:
-    """Add what arrives straight and by mirrors (count,): it fades as far as detours agree.
+    """Add straight and mirrored waves to powers (count,), which fade as far as detours agree.
 
-    Straight waves and those by a mirror come from the same surfaces. Where all detours in a cell
-    are alike, their fields add; where they vary by more than a wavelength, their powers do.
+    Straight and mirrored waves come from the same surfaces. Where all detours in a cell are alike,
+    their fields add; where they vary by more than a wavelength, their powers add.
     """
     # A mirror on one leg turns the phase; on both legs it turns it back.
     turned = np.where(paths.mirrorings == 1, -1.0, 1.0)

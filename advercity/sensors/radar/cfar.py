@@ -1,4 +1,4 @@
-"""Detection at a constant rate of false alarms: the noise around a cell, and what exceeds it.
+"""Detection at a constant rate of false alarms: noise around a cell, threshold, and chances.
 
 The noise is estimated from cells at smaller and larger ranges, by their mean (CA-CFAR) or by an
 order statistic (OS-CFAR; Rohling, IEEE Trans. Aerosp. Electron. Syst. 19, 608, 1983).
@@ -13,7 +13,7 @@ from advercity_dsl import Radar
 from advercity.geometry.arrays import Float64Array, FloatArray, IndexArray
 
 GUARD_CELLS, WINDOW_CELLS = 2, 16
-"""Cells on each side that are left out, and that the noise is estimated from."""
+"""Cells on each side: left out, and used for the estimate of the noise."""
 ORDER_FRACTION = 0.75
 """Rank of the order statistic, over the number of cells."""
 TEXTURE_DEVIATION = 1.0
@@ -22,7 +22,7 @@ _NUM_LEVELS = 64
 
 
 def list_window_steps() -> IndexArray:
-    """List the numbers of cells (k,) from a cell to those of its window."""
+    """List the steps (k,) in cells from a cell to the cells of its window."""
     steps = np.arange(GUARD_CELLS + 1, GUARD_CELLS + WINDOW_CELLS + 1)
     return np.concatenate([-steps, steps])
 
@@ -36,18 +36,18 @@ def estimate_noise(radar: Radar, window: Float64Array) -> Float64Array:
 
 
 def compute_threshold(radar: Radar) -> float:
-    """Compute the power over the estimated noise that is a detection."""
+    """Compute the least power of a detection, over the estimated noise."""
     return 10.0 ** (radar.threshold_db / 10.0)
 
 
 def compute_alarm_chance(threshold: float) -> float:
-    """Compute the probability that a cell of noise exceeds the mean of its window so far."""
+    """Compute the chance of noise in a cell above `threshold` times the mean of its window."""
     cells = 2 * WINDOW_CELLS
     return (1.0 + threshold / cells) ** -cells
 
 
 def compute_clutter_chance(clutter: FloatArray, threshold: float) -> FloatArray:
-    """Compute the probability (n,) that a cell of noise 1 and uneven clutter exceeds its mean."""
+    """Compute the chance (n,) of noise 1 and uneven clutter above `threshold` times their mean."""
     levels = [NormalDist().inv_cdf((row + 0.5) / _NUM_LEVELS) for row in range(_NUM_LEVELS)]
     texture = np.exp(TEXTURE_DEVIATION * np.array(levels) - TEXTURE_DEVIATION**2 / 2.0)
     local = (1.0 + clutter[:, None] * texture) / (1.0 + clutter[:, None])

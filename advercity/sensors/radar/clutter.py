@@ -1,4 +1,4 @@
-"""Echoes of the air: rain, snow and hail that fill cells, and plumes of spray."""
+"""Echoes of the air: cells full of rain, snow or hail, and plumes of spray."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -34,20 +34,20 @@ VELOCITY_SPREAD_M_S = 1.0
 """Standard deviation of the radial velocities in a cell: turbulence, gusts, sizes of drops; an
 assumption."""
 SPRAY_DROP_SLOPE_PER_MM, SPRAY_LARGEST_MM = 30.0, 1.0
-"""Exponential sizes with a Sauter diameter of 0.1 mm, as `SPRAY_EXTINCTION_PER_G_M3` has it."""
+"""Exponential sizes with a Sauter diameter of 0.1 mm, as in `SPRAY_EXTINCTION_PER_G_M3`."""
 SPRAY_SPEED_RATIO = 0.5
-"""Velocity of drops over that of the vehicle that throws them up: an assumption."""
+"""Velocity of drops over their vehicle's: an assumption."""
 _PLUME_SAMPLES = (12, 3, 3)
 
 
 @dataclass(frozen=True, eq=False)
 class FallingClutter:
-    """Mean power of what falls, in the cells of a radar that moves.
+    """Mean power of precipitation of one kind in the cells of a moving radar.
 
     Attributes:
         radar: The sensor.
-        echo: What falls.
-        velocity: (3,) of what falls relative to the radar, in its frame, m/s.
+        echo: Echo of the precipitation.
+        velocity: (3,) of the precipitation relative to the radar, in its frame, m/s.
     """
 
     radar: Radar
@@ -64,14 +64,14 @@ class FallingClutter:
         return compute_two_way_gain(radar, direction, direction) * section / range_m**2
 
     def compute_fraction(self, direction: FloatArray, rate_m_s: FloatArray) -> FloatArray:
-        """Compute the fraction (n,) of that in a velocity cell."""
+        """Compute the fraction (n,) of the strength in a velocity cell."""
         off = (rate_m_s - direction @ self.velocity) / VELOCITY_SPREAD_M_S
         peak = self.radar.speed_cell_m_s / (VELOCITY_SPREAD_M_S * math.sqrt(2.0 * math.pi))
         return min(peak, 1.0) * np.exp(-(off**2) / 2.0)
 
 
 def list_spray_paths(placed: PlacedRadar, states: Iterable[ActorState]) -> Iterator[Paths]:
-    """Make paths to sample points of the plumes of vehicles, as seen from a moving radar."""
+    """Yield paths from a moving radar to sample points of vehicles' plumes."""
     radar_from_world = poses.invert_pose(placed.world_from_radar)
     for state in iterate_spraying_states(states):
         plume = SprayPlume.from_state(state)

@@ -1,4 +1,4 @@
-"""Air, road and radome as a radar at 77 GHz has them, computed once per weather."""
+"""Air, road and radome for a radar at 77 GHz, computed once per weather."""
 
 from dataclasses import dataclass
 
@@ -26,12 +26,12 @@ ICE_LOSS_DB = 15.0
 WET_SNOW_FACTOR = 2.0
 """Loss of snow on the radome relative to water: an assumption."""
 _MEAN_SIZE_SLOPES = 3.0
-"""Diameter of the particles that scatter most, times the slope of their distribution."""
+"""Diameter of the strongest scatterers, times the slope of their distribution."""
 
 
 @dataclass(frozen=True, eq=False)
 class FallingEcho:
-    """Echo of everything of one kind that falls.
+    """Echo of precipitation of one kind.
 
     Attributes:
         kind: Kind of its detections.
@@ -46,13 +46,13 @@ class FallingEcho:
 
 @dataclass(frozen=True, eq=False)
 class RadarConditions:
-    """Air, road and radome as a radar at 77 GHz has them.
+    """Air, road and radome for a radar at 77 GHz.
 
     Attributes:
-        attenuation_db_km: Of the air, one-way.
+        attenuation_db_km: One-way attenuation of the air.
         falling: Rain, snow and hail.
-        radome_db: One-way loss of radomes that look ahead, sideways and back.
-        wetness: Of roads, 0 dry to 1 soaked.
+        radome_db: One-way loss of radomes facing ahead, sideways and back.
+        wetness: Wetness of roads, 0 dry to 1 soaked.
         has_spray: Whether the road is wet enough for spray.
     """
 
@@ -70,7 +70,7 @@ class RadarConditions:
 
 
 def derive_radar_conditions(atmosphere: Atmosphere, lens: Lens) -> RadarConditions:
-    """Derive what a radar needs of an atmosphere and of the lens before it."""
+    """Derive the conditions of a radar from an atmosphere and the glass before it."""
     air = atmosphere.extinction
     echoes = [(part, compute_echo(part.sizes, part.permittivity)) for part in air.precipitation]
     falling = tuple(
@@ -93,7 +93,7 @@ def derive_radar_conditions(atmosphere: Atmosphere, lens: Lens) -> RadarConditio
 
 
 def _find_velocity(atmosphere: Atmosphere, part: Precipitation) -> Float64Array:
-    """Compute the velocity (3,) of the particles that scatter most."""
+    """Compute the velocity (3,) of the strongest scatterers."""
     sizes = part.sizes
     diameter_mm = min(_MEAN_SIZE_SLOPES / sizes.slope_per_mm, sizes.max_melted_mm)
     fall_m_s = part.speed_m_s * float(part.compute_speed(diameter_mm))

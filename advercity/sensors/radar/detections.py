@@ -1,7 +1,7 @@
-"""What a radar reports: cells that rise over the noise around them, and noise that does.
+"""Detections of a radar: echoes above the noise around them, and false alarms.
 
-Echoes fluctuate from cell to cell, as many scatterers interfere; what mirrors return in phase does
-not.
+Scattered echoes fluctuate from cell to cell, as many scatterers interfere; flashes of mirrors,
+which add in phase, do not.
 """
 
 import math
@@ -40,13 +40,13 @@ from advercity.sensors.radar.placement import PlacedRadar
 ACCURACY_CELLS = 0.55
 """Standard deviation of a coordinate in cells, times the root of the signal-to-noise ratio."""
 MIN_CLUTTER_SNR = 0.03
-"""Power of clutter over the noise below which it raises no detections of its own."""
+"""Least power of clutter over the noise for detections of its own."""
 MIN_RANGE_M = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class RadarMeasurement:
-    """Detections of a radar, and its cells if it reports them."""
+    """Detections of a radar, and its cells if the output is `cube`."""
 
     detections: RadarDetections
     cube: RadarCube | None
@@ -54,7 +54,7 @@ class RadarMeasurement:
 
 @dataclass(frozen=True, eq=False)
 class _Echoes:
-    """n echoes that exceed the threshold; `power` is over the receiver's noise, `snr` over all."""
+    """n echoes above the threshold; `power` is over the receiver's noise, `snr` over all noise."""
 
     range_m: FloatArray
     rate_m_s: FloatArray
@@ -73,7 +73,7 @@ class _Echoes:
         snr: FloatArray,
         kind: int,
     ) -> "_Echoes":
-        """Build echoes that no actor returned."""
+        """Build echoes without an actor."""
         no_actor = np.zeros(len(range_m), np.int32)
         kinds = np.full(len(range_m), kind, np.uint8)
         return _Echoes(range_m, rate_m_s, direction, power, snr, no_actor, kinds)
@@ -90,10 +90,10 @@ class Receiver:
 
     Args:
         placed: The radar.
-        conditions: Of the air.
+        conditions: Air, road and radome.
         interference: Noise of other radars relative to the receiver's own.
         rng: Generator of this radar and frame.
-        cover: What keeps precipitation off parts of the world; None without any.
+        cover: Surfaces above the ground, with no precipitation below; None if there are none.
     """
 
     def __init__(
@@ -118,7 +118,7 @@ class Receiver:
         ]
 
     def measure(self, paths: Paths, free_m: Float64Array) -> RadarMeasurement:
-        """Measure; `free_m` (azimuths, elevations) is how far each beam is free."""
+        """Measure; `free_m` (azimuths, elevations) is the free range of each beam."""
         cells = collect_cells(self._grid, paths, self._compute_factor(paths.range_m))
         power = self._fluctuate(cells)
         falling = (self._detect_falling(item, free_m) for item in self._clutter)
@@ -132,7 +132,7 @@ class Receiver:
         return self._factor * 10.0 ** (-loss_db / 10.0)
 
     def _fluctuate(self, cells: Cells) -> FloatArray:
-        """Compute the power (n,) of cells, with leakage of their neighbours and noise."""
+        """Compute the power (n,) of cells, with noise and leakage from their neighbours."""
         numbers, keys = self._numbers, cells.keys
         # The mean of two: Swerling's cases 3 and 4.
         looks = (NumberPurpose.FIRST_LOOK, NumberPurpose.SECOND_LOOK)
@@ -145,7 +145,7 @@ class Receiver:
         return np.abs(np.sqrt(own + NEIGHBOUR_LEAKAGE * leaked) + np.sqrt(noise) * phase) ** 2
 
     def _compute_floor(self, cells: Cells) -> FloatArray:
-        """Compute the mean (n,) of noise and of what falls in cells, over the noise."""
+        """Compute the mean (n,) of noise and precipitation in cells, over the noise."""
         floor = np.ones(len(cells.keys))
         for clutter in self._clutter:
             floor += self._compute_clutter(clutter, cells.range_m, cells.direction, cells.rate_m_s)
@@ -158,7 +158,7 @@ class Receiver:
         direction: FloatArray,
         rate_m_s: FloatArray,
     ) -> FloatArray:
-        """Compute the mean power (n,) of what falls in cells, over the receiver's noise."""
+        """Compute the mean power (n,) of precipitation in cells, over the receiver's noise."""
         strength = clutter.compute_strength(range_m, direction)
         if self._cover is not None:
             points = poses.transform_points(self._world_from_radar, direction * range_m[:, None])
@@ -167,7 +167,7 @@ class Receiver:
         return self._compute_factor(range_m) * strength * fraction
 
     def _detect(self, cells: Cells, power: FloatArray) -> _Echoes:
-        """Detect the cells that are peaks and exceed the threshold."""
+        """Detect the peaks above the threshold."""
         rows = np.flatnonzero(power > self._threshold)
         around = cells.look_up(power, self._grid.list_neighbours(cells.keys[rows]))
         rows = rows[power[rows] >= around.max(axis=1, initial=0.0)]
@@ -187,7 +187,7 @@ class Receiver:
         return cfar.estimate_noise(self._radar, np.maximum(cells.look_up(power, keys), floor))
 
     def _detect_falling(self, clutter: FallingClutter, free_m: Float64Array) -> _Echoes:
-        """Detect single cells of what falls that exceed the level of their surroundings."""
+        """Detect single cells of precipitation above the level of their surroundings."""
         direction, range_m = self._grid.list_volume(free_m)
         middle = direction @ clutter.velocity
         mean = self._compute_clutter(clutter, range_m, direction, middle)
@@ -203,7 +203,7 @@ class Receiver:
         )
 
     def _raise_alarms(self) -> _Echoes:
-        """Detect cells of nothing but noise, as many as the threshold lets pass."""
+        """Detect cells of noise alone, as many as pass the threshold."""
         radar, rng = self._radar, self._rng
         chance = cfar.compute_alarm_chance(self._threshold)
         count = int(rng.poisson(chance * self._grid.size))
@@ -226,7 +226,7 @@ class Receiver:
         azimuth, elevation = compute_angles(found.direction)
         azimuth = azimuth + errors[1] * math.radians(radar.azimuth_cell_deg)
         elevation = elevation + errors[2] * math.radians(radar.elevation_cell_deg)
-        # Angles are found between the beams that a radar forms: none is outside of them.
+        # Angles are found between the beams of a radar, so none is outside of them.
         half_azimuth, half_elevation = (
             math.radians(angle) / 2.0 for angle in (radar.azimuth_fov_deg, radar.elevation_fov_deg)
         )
@@ -246,10 +246,10 @@ class Receiver:
         )
 
     def _build_cube(self, cells: Cells, power: FloatArray) -> RadarCube:
-        """Build the cube of all cells, the strongest velocity of each."""
+        """Build the cube of all cells, each with its strongest velocity."""
         velocities, azimuths, elevations, ranges = self._grid.counts
         shape = (azimuths, elevations, ranges)
-        # The largest of as many exponential numbers as there are velocities, drawn at once.
+        # The largest of `velocities` exponential numbers, drawn at once.
         strongest = -np.log1p(-(self._rng.random(shape) ** (1.0 / velocities)))
         rate = (self._rng.random(shape) * 2.0 - 1.0) * self._radar.max_speed_m_s
         for level, middle in self._iterate_falling(shape):
@@ -267,7 +267,7 @@ class Receiver:
     def _iterate_falling(
         self, shape: tuple[int, int, int]
     ) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Yield the power and the velocity of what falls in every cell."""
+        """Yield power and velocity in every cell for each kind of precipitation."""
         direction, range_m = self._grid.list_volume(np.full(shape[:2], np.inf))
         for clutter in self._clutter:
             middle = direction @ clutter.velocity

@@ -17,7 +17,7 @@ from advercity.sensors.stage import SensorDriver, Stage
 
 
 class RadarDriver(SensorDriver):
-    """Measures with radars; all others of the scene disturb each of them."""
+    """Measures with radars; each is disturbed by all others of the scene."""
 
     def __init__(self, stage: Stage) -> None:
         super().__init__(stage)
@@ -32,7 +32,7 @@ class RadarDriver(SensorDriver):
         self._motion = SceneMotion(frame, self.stage.world.bodies)
 
     def measure(self, agent: Agent, number: int) -> RadarScan:
-        """Measure detections, and powers of all cells if the radar reports them."""
+        """Measure detections, and powers of all cells if the output is `cube`."""
         stage, placed, motion = self.stage, self._placed[agent.id][number], self._motion
         others = [one for of_one in self._placed.values() for one in of_one if one is not placed]
         frame = stage.find_sampled_frame("radar", agent, number)

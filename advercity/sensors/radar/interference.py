@@ -1,7 +1,7 @@
-"""Other radars of the scene that raise a receiver's noise.
+"""Noise in a receiver by other radars of the scene.
 
-Chirps that are not synchronised cross the receiver's band at random times, so that their energy
-spreads over all cells: noise of the density that the transmitter has over its swept band.
+Chirps without synchronisation cross the receiver's band at random times, so their energy spreads
+over all cells: noise with the transmitter's density over its swept band.
 """
 
 import math
@@ -22,10 +22,10 @@ MOUNTING_DEPTH_M = 0.5
 def compute_interference(
     own: PlacedRadar, others: Iterable[PlacedRadar], raycaster: Raycaster
 ) -> float:
-    """Compute by how many times its own noise others raise that of a radar; 0 is not at all.
+    """Compute the noise of other radars relative to a radar's own; 0 without any.
 
-    Only radars in each other's fields of view with nothing in between count. The ray caster must
-    be placed at the frame, with the own carrier hidden.
+    Only radars in each other's fields of view with a free path count. The ray caster must be placed
+    at the frame, with the own carrier hidden.
     """
     return sum(_compute_one(own, other) for other in others if _is_visible(own, other, raycaster))
 

@@ -1,4 +1,4 @@
-"""Velocities of the points that rays hit: bodies, their turning wheels and swinging limbs."""
+"""Velocities of hit points: bodies, their turning wheels and swinging limbs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -19,7 +19,7 @@ _RUBBER = MATERIAL_NAMES.index("rubber")
 
 @dataclass(frozen=True, eq=False)
 class SceneMotion:
-    """How the actors of a frame move, with their bodies by blueprint; for all radars of a frame."""
+    """Motion of the actors of a frame, with their bodies by blueprint; for all radars."""
 
     frame: Frame
     bodies: Mapping[str, Body]
@@ -59,7 +59,7 @@ class SceneMotion:
 
 
 def _compute_wheels(own: Float64Array, state: ActorState, body: Body) -> Float64Array:
-    """Compute what the turning of the nearest wheel adds (n, 3), in the body frame."""
+    """Compute the velocities (n, 3) by the turning of the nearest wheel, in the body frame."""
     hubs = np.array([part.wheel.hub for part in body.parts if part.wheel is not None])
     if not len(hubs) or not len(own):
         return np.zeros_like(own)
@@ -72,11 +72,11 @@ def _compute_wheels(own: Float64Array, state: ActorState, body: Body) -> Float64
 
 @dataclass(frozen=True, eq=False)
 class LimbMotion:
-    """What a pose of a gait adds to the motion of a body.
+    """Motion of limbs in a pose of a gait, relative to the body.
 
     Attributes:
         vertices: The n vertices of the body in the pose.
-        steps: (n, 3) by which each moves per metre that the body travels.
+        steps: (n, 3) movement of each vertex per metre of the body's way.
     """
 
     vertices: KDTree
@@ -84,7 +84,7 @@ class LimbMotion:
 
     @staticmethod
     def from_shape(shape: BodyShape, bodies: Mapping[str, Body]) -> "LimbMotion":
-        """Take the difference of the pose before and the next."""
+        """Take the difference between the previous and the next pose of the gait."""
         gait, index = shape.select_body(bodies).gait, shape.pose_index
         assert gait is not None and index is not None, "a pose without a gait"
         count = len(gait.bone_transforms)
@@ -95,7 +95,7 @@ class LimbMotion:
         return LimbMotion(KDTree(now), (after - before) * count / (2.0 * gait.cycle_length_m))
 
     def find_steps(self, points: Float64Array) -> Float64Array:
-        """Find the steps (n, 3) of the vertices that are nearest to points (n, 3)."""
+        """Find the steps (n, 3) of the vertices nearest to points (n, 3)."""
         return self.steps[self.vertices.query(points)[1]]
 
 

@@ -1,9 +1,9 @@
 """Paths of a radar's waves to surfaces and back: shooting and bouncing rays.
 
-A ray is a tube of some solid angle. At each surface a part scatters to the radar,
-directly or back through the mirrors before it, and a part is mirrored to the next surface. What
-leaves a mirror towards the radar adds in phase over its whole area: the flashes of plates and
-corners (Ling, Chou and Lee, IEEE Trans. Antennas Propag. 37, 194, 1989).
+A ray is a tube of some solid angle. At each surface a part of its power scatters to the radar,
+directly or back through the mirrors before it, and a part is mirrored to the next surface. The
+wave from a mirror towards the radar adds in phase over the whole area of the mirror: the flashes of
+plates and corners (Ling, Chou and Lee, IEEE Trans. Antennas Propag. 37, 194, 1989).
 """
 
 import math
@@ -30,29 +30,30 @@ from advercity.sensors.radar.surfaces import WAVENUMBER_PER_M, HitSurfaces
 MIN_MIRRORED = 1e-3
 """Fraction of the power below which a ray is not followed further."""
 FADING_ANGLES = (0.2, 0.4)
-"""Angles in rad between a mirrored tube and the radar from which and at which its wave fades out; a
-sharp end would itself be an edge that scatters."""
+"""Angles in rad between a mirrored tube and the radar: from the first on the wave fades, at the
+second it is gone. A sharp end would itself scatter like an edge."""
 MIN_SNR = 1e-3
 """Signal-to-noise ratio in clear air below which a path is left out."""
 MIN_FLASH_SNR = 10.0
-"""Signal-to-noise ratio of one ray that is mirrored back, from which the edge of its flash is
-sampled closer. A few such rays add up to a strong echo; weaker flashes drown in scattered power."""
+"""Least signal-to-noise ratio of a mirrored ray for closer rays at the edge of its flash. A few
+such rays add up to a strong echo; weaker flashes drown in scattered power."""
 GHOST_CELLS = 2.0
-"""Range cells between a surface and its place in a detection from which that is a ghost."""
+"""Distance, in range cells, between a surface and its place in a detection beyond which the
+detection is a ghost."""
 _EPSILON_M = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """n paths to a scatterer and back, as the radar perceives them.
+    """n paths to a scatterer and back, as perceived by the radar.
 
     Attributes:
-        direction: (n, 3) float32 from which the wave arrives, unit, radar frame.
+        direction: (n, 3) float32 towards the arriving wave, unit, radar frame.
         range_m: (n,) float32 half of the path's length.
-        rate_m_s: (n,) float32 velocity at which it grows.
-        strength: (n,) float32 gain² times cross-section over range⁴, of what adds as power.
-        field: (n,) complex64 root of the same, of what adds in phase; 0 for all else.
-        detour_m: (n,) float32 by which the path is longer than the straight one.
+        rate_m_s: (n,) float32 rate of growth of the range.
+        strength: (n,) float32 gain² times cross-section over range⁴, of scattered power.
+        field: (n,) complex64 root of the same, of waves that add in phase; 0 for all others.
+        detour_m: (n,) float32 length of the path beyond the straight one.
         mirrorings: (n,) uint8 whether mirrors are on no leg, one leg or both legs.
         instance: (n,) int32 id of the actor; 0 for everything else.
         kind: (n,) uint8 of `PointKind`.
@@ -85,7 +86,7 @@ class Paths:
 
 @dataclass(frozen=True, eq=False)
 class SurfacePaths:
-    """Paths to surfaces, and how far each ray is free.
+    """Paths to surfaces, and the free range of each ray.
 
     Attributes:
         paths: The paths, independent of the air.
@@ -100,16 +101,16 @@ class SurfacePaths:
 
 @dataclass(frozen=True, eq=False)
 class _Tubes:
-    """Rays that travel on, k of them.
+    """The k rays still on their way.
 
     Attributes:
         ray: (k,) rows of the rays.
         origins: (k, 3) in the world.
         directions: (k, 3) in the world.
-        length_m: (k,) travelled so far.
-        rate_m_s: (k,) at which that grows.
-        power: (k,) fraction that mirrors have left.
-        mover: (k, 3) velocity of the point where they start.
+        length_m: (k,) length of the path so far.
+        rate_m_s: (k,) rate of growth of the length.
+        power: (k,) fraction left after mirrors.
+        mover: (k, 3) velocity of their starting points.
     """
 
     ray: IndexArray
@@ -127,7 +128,7 @@ class _Tubes:
 
 @dataclass(frozen=True, eq=False)
 class _Arrival:
-    """Tubes where they hit, with the surfaces, and the path from there to the radar."""
+    """Tubes at their hits, with the surfaces, and the path from there to the radar."""
 
     tubes: _Tubes
     points: Float64Array
@@ -159,8 +160,8 @@ class PathTracer:
     Args:
         placed: The radar.
         raycaster: Placed at the frame.
-        motion: How the actors move.
-        wetness: Of roads, 0 dry to 1 soaked.
+        motion: Motion of the actors.
+        wetness: Wetness of roads, 0 dry to 1 soaked.
         fan: The rays.
     """
 
@@ -180,7 +181,7 @@ class PathTracer:
         self._least_strength = MIN_SNR / compute_echo_factor(radar)
 
     def trace(self, *, only_flashes: bool = False) -> _FanPaths:
-        """Trace all paths, or those that mirrors alone bring back."""
+        """Trace all paths, or only paths by mirrors alone."""
         tubes, found = self._shoot(), list[tuple[Paths, IndexArray]]()
         free_m = np.full(len(tubes.ray), np.inf, np.float32)
         for bounce in range(self._radar.bounces):
@@ -232,13 +233,13 @@ class PathTracer:
         )
 
     def _scatter(self, arrival: _Arrival, *, is_direct: bool) -> Iterator[tuple[Paths, IndexArray]]:
-        """Yield the paths that surfaces of an arrival scatter to the radar, with their rays."""
+        """Yield the paths scattered to the radar by an arrival's surfaces, with their rays."""
         yield self._scatter_back(arrival, is_direct=is_direct)
         if not is_direct:
             yield from self._scatter_home(arrival)
 
     def _scatter_back(self, arrival: _Arrival, *, is_direct: bool) -> tuple[Paths, IndexArray]:
-        """Scatter straight back, along the path that the wave came."""
+        """Scatter straight back, along the path of the incoming wave."""
         tubes, surfaces = arrival.tubes, arrival.surfaces
         area_per_m2 = self._fan.solid_angle_sr[tubes.ray] / surfaces.cosine
         scattering = surfaces.compute_scattering(tubes.directions, -tubes.directions)
@@ -256,7 +257,7 @@ class PathTracer:
         )
 
     def _scatter_home(self, arrival: _Arrival) -> Iterator[tuple[Paths, IndexArray]]:
-        """Scatter directly to the radar after mirrors, and the same path in the other direction."""
+        """Scatter directly to the radar after mirrors; also yield the same paths backwards."""
         tubes, surfaces = arrival.tubes, arrival.surfaces
         out, home = self._fan.directions[tubes.ray], self._locate_home(arrival)
         scattering = surfaces.compute_scattering(tubes.directions, arrival.back)
@@ -279,7 +280,7 @@ class PathTracer:
             )
 
     def _flash(self, arrival: _Arrival) -> tuple[Paths, IndexArray]:
-        """Mirror tubes that then point at the radar; they add in phase."""
+        """Mirror tubes towards the radar; they add in phase."""
         tubes, surfaces = arrival.tubes, arrival.surfaces
         onward = _reflect(tubes.directions, surfaces.normal)
         off = np.linalg.norm(onward - arrival.back, axis=1)
@@ -296,8 +297,8 @@ class PathTracer:
         phase = np.exp(-1j * WAVENUMBER_PER_M * (length_m + back_m))
         field = np.zeros(len(tubes.ray), np.complex64)
         field[rows] = root * section_m2 * spread * fading**2 * phase / (length_m * back_m)
-        # An array of transmitters and receivers adds the phases of both ways: the echo seems to
-        # come from between them, which is a corner itself, wherever in it a ray goes in.
+        # An array of transmitters and receivers adds the phases of both ways. The echo seems to
+        # come from between them: from the corner itself, wherever a ray enters it.
         between = self._fan.directions[tubes.ray] + home
         return self._build(
             arrival,
@@ -309,15 +310,15 @@ class PathTracer:
         )
 
     def _locate_home(self, arrival: _Arrival) -> FloatArray:
-        """Compute the directions (n, 3) in the radar's frame from which the last leg arrives."""
+        """Compute the directions (n, 3) of the last leg as seen from the radar, in its frame."""
         return (-arrival.back @ self._rotation).astype(np.float32)
 
     def _rate_home(self, arrival: _Arrival) -> Float64Array:
-        """Compute the rate (n,) at which the straight path to the radar grows."""
+        """Compute the growth (n,) of the straight path to the radar, m/s."""
         return np.einsum("ni,ni->n", arrival.back, self._velocity - arrival.mover)
 
     def _is_free(self, arrival: _Arrival, rows: IndexArray) -> NDArray[np.bool_]:
-        """Whether nothing is between the points of some rows and the radar."""
+        """Find which rows have a free path from their points to the radar."""
         start = arrival.points[rows] + _EPSILON_M * arrival.surfaces.normal[rows]
         rays = Rays(start.astype(np.float32), arrival.back[rows].astype(np.float32))
         hits = self._raycaster.cast(rays, 2.0 * self._radar.range_m)
@@ -338,7 +339,7 @@ class PathTracer:
     ) -> tuple[Paths, IndexArray]:
         """Build paths of some rows, with their rays.
 
-        A path that appears elsewhere than its surface is a ghost.
+        A path with an apparent place away from its surface is a ghost.
         """
         if strength is not None:
             rows = rows[strength[rows] > self._least_strength]
@@ -379,7 +380,7 @@ def trace_paths(
 
 
 def _mirror(arrival: _Arrival) -> _Tubes:
-    """Mirror the tubes that keep enough of their power."""
+    """Mirror the tubes, except tubes with too little power left."""
     tubes, surfaces = arrival.tubes, arrival.surfaces
     power = tubes.power * surfaces.compute_mirror_power()
     rows = np.flatnonzero(power > MIN_MIRRORED)

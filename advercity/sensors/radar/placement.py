@@ -14,10 +14,10 @@ class PlacedRadar:
 
     Attributes:
         radar: The sensor.
-        mount: Its mount, which decides what covers its radome.
+        mount: Its mount, which decides the loss of its radome.
         world_from_radar: (4, 4) pose.
         velocity: (3,) in the world, m/s.
-        carrier: Id of the actor that carries it; 0 for a roadside unit.
+        carrier: Id of its vehicle; 0 for a roadside unit.
     """
 
     radar: Radar

@@ -1,6 +1,6 @@
-"""Rays of a radar: even ones, and closer ones where road users, poles, signs and rails are.
+"""Rays of a radar: evenly spread, and closer towards road users, poles, signs and rails.
 
-Where surfaces mirror them back they are closer still, as the edges of flashing areas count.
+Rays at the edges of flashing areas, where surfaces mirror them back, are closer still.
 """
 
 import math
@@ -19,11 +19,11 @@ from advercity.sensors.radar.antenna import build_directions, compute_angles
 from advercity.sensors.radar.placement import PlacedRadar
 
 SPACING_M = 0.1
-"""Most distance between rays on road users and thin things: ten meet a corner of 0.3 m."""
+"""Largest distance between rays on road users and thin things: ten meet a corner of 0.3 m."""
 FLASH_SPACING_M = 0.025
-"""Most distance between rays at the edge of a flashing area: 80 meet a corner of 0.3 m."""
+"""Largest distance between rays at the edge of a flashing area: 80 meet a corner of 0.3 m."""
 MAX_FLASH_PARTS = 4
-"""Parts in each direction into which a ray at such an edge is split at most."""
+"""Largest number of parts, in each direction, of a ray at such an edge."""
 _UNIT_CORNERS = np.indices((2, 2, 2)).reshape(3, 8).T == 1
 """(8, 3) whether a corner of a box is on its upper side, by axis."""
 _AROUND = np.delete(np.indices((3, 3)).reshape(2, 9).T - 1, 4, axis=0)
@@ -37,9 +37,9 @@ class RayFan:
     Attributes:
         directions: (n, 3) float32, unit, in the radar's frame.
         solid_angle_sr: (n,) float32 of each.
-        grid: The even rays that were split.
+        grid: The even rays before the split.
         places: (n, 2) row and column of each, in steps of the grid from its first corner.
-        parts: (n,) by which the step of its even ray is divided.
+        parts: (n,) divisor of the step of its even ray.
     """
 
     directions: FloatArray
@@ -52,10 +52,10 @@ class RayFan:
         """Split the rays at the edges of flashing areas.
 
         Args:
-            flash_m: (n,) length of the path of each ray that flashes, one way; else 0.
+            flash_m: (n,) one-way length of the path of each flashing ray; 0 for other rays.
 
         Returns:
-            The rows (k,) of the rays that are split, and their parts.
+            The rows (k,) of the split rays, and their parts.
         """
         flashes = np.flatnonzero(flash_m)
         around = self._find_around(flashes)
@@ -72,7 +72,7 @@ class RayFan:
     def _find_around(self, rows: IndexArray) -> IndexArray:
         """Find the rays (k, 8) around some, each at the distance of its own neighbours."""
         cells = np.floor(self.places).astype(np.intp)
-        # Parts of an even ray are successive, so that the first one and their number tell all.
+        # Parts of an even ray are successive: the first one and their number locate them all.
         starts = np.flatnonzero(np.diff(cells, axis=0, prepend=-1).any(axis=1))
         first = np.empty((self.grid.rows, self.grid.columns), np.intp)
         first[tuple(cells[starts].T)] = starts
@@ -88,7 +88,7 @@ class RayFan:
 def build_ray_fan(radar: Radar) -> RayFan:
     """Build the rays of a radar, evenly spread over azimuth and elevation.
 
-    They are in rows from the lowest up, each from right to left.
+    Rays are in rows from the lowest up, each from right to left.
     """
     return _RayGrid.from_radar(radar).build_fan()
 
@@ -96,11 +96,11 @@ def build_ray_fan(radar: Radar) -> RayFan:
 def aim_rays(placed: PlacedRadar, raycaster: Raycaster, states: Iterable[ActorState]) -> RayFan:
     """Build the rays of a radar, split into closer ones towards road users and thin things.
 
-    Solid angles add up as before, so that echoes stay the same and only their error shrinks.
+    The sum of solid angles stays the same, so echoes do not change and only their error shrinks.
 
     Args:
         placed: The radar.
-        raycaster: Placed at the frame; what it hits hides the road users behind.
+        raycaster: Placed at the frame; surfaces hit by its rays hide road users behind them.
         states: Road users of the frame.
     """
     grid = _RayGrid.from_radar(placed.radar)
@@ -122,7 +122,7 @@ def aim_rays(placed: PlacedRadar, raycaster: Raycaster, states: Iterable[ActorSt
 def _locate_corners(
     placed: PlacedRadar, raycaster: Raycaster, states: Iterable[ActorState]
 ) -> Float64Array:
-    """Locate the corners (k, 8, 3) of the boxes that are before a radar, in its frame."""
+    """Locate the corners (k, 8, 3) of the boxes in front of a radar, in its frame."""
     others = [state for state in states if state.actor.id != placed.carrier]
     corners = np.array([state.box.corners for state in others]).reshape(-1, 8, 3)
     world_from_body = np.array([state.world_from_body for state in others]).reshape(-1, 4, 4)
@@ -154,7 +154,7 @@ class _RayGrid:
         )
 
     def find_rays(self, corners: Float64Array) -> tuple[slice, slice]:
-        """Find the rows and columns that a box may touch, by its corners (8, 3)."""
+        """Find the rows and columns around a box, by its corners (8, 3)."""
         azimuth, elevation = compute_angles(corners / np.linalg.norm(corners, axis=1)[:, None])
         # A box behind the radar does not reach around it.
         middle = math.atan2(*corners.mean(axis=0)[[1, 0]])
@@ -163,7 +163,7 @@ class _RayGrid:
         return _find_steps(row, self.rows), _find_steps(column, self.columns)
 
     def build_fan(self, parts: NDArray[np.intp] | None = None) -> RayFan:
-        """Build rays of which each is split into `parts` (rows, columns) squared."""
+        """Build rays; each is split into its number of `parts` (rows, columns), squared."""
         if parts is None:
             return _build_even_fan(self)
         cells = np.indices(parts.shape, np.float64).reshape(2, -1).T + 0.5
@@ -207,6 +207,6 @@ def _build_even_fan(grid: _RayGrid) -> RayFan:
 
 
 def _find_steps(places: Float64Array, count: int) -> slice:
-    """Find the steps that an interval of places touches, counted from the middle of `count`."""
+    """Find the steps in an interval of places, which count from the middle of `count` steps."""
     first, last = math.floor(places.min() + count / 2), math.floor(places.max() + count / 2)
     return slice(max(first, 0), max(last + 1, 0))

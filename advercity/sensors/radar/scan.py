@@ -24,14 +24,14 @@ def scan_radar(
     conditions: RadarConditions,
     rng: np.random.Generator,
 ) -> RadarMeasurement:
-    """Measure what one radar detects in a frame.
+    """Measure with one radar in a frame.
 
     Args:
         placed: The radar.
         others: All other radars of the scene, which disturb it.
         raycaster: Placed at the frame, with the radar's carrier hidden.
-        motion: How the actors of the frame move.
-        conditions: Of the air.
+        motion: Motion of the actors of the frame.
+        conditions: Air, road and radome.
         rng: Generator of this radar and frame.
     """
     grid = CellGrid.from_radar(placed.radar)
@@ -47,12 +47,12 @@ def scan_radar(
 
 
 def compute_free_ranges(grid: CellGrid, directions: FloatArray, free_m: FloatArray) -> Float64Array:
-    """Compute how far beams are free.
+    """Compute the free ranges of beams.
 
     Args:
-        grid: Its cells.
+        grid: Cells of the radar.
         directions: (n, 3) of rays, radar frame.
-        free_m: (n,) how far they are free.
+        free_m: (n,) free ranges of the rays.
 
     Returns:
         (azimuths, elevations) ranges of the farthest free ray.
@@ -65,7 +65,7 @@ def compute_free_ranges(grid: CellGrid, directions: FloatArray, free_m: FloatArr
 
 
 def _hide_behind(grid: CellGrid, paths: Paths, free_m: Float64Array) -> Paths:
-    """Leave out the paths that surfaces hide."""
+    """Leave out the paths hidden by surfaces."""
     beam = _find_beams(grid, paths.direction)
     return paths.select(np.flatnonzero(paths.range_m < free_m.ravel()[beam]))
 

@@ -1,8 +1,8 @@
-"""What a surface does to waves of 77 GHz: mirror a part, and scatter the rest around it.
+"""Reflection of 77 GHz waves by surfaces: a mirrored part, and scattering of the rest.
 
-The part that stays in phase is mirrored (Ament 1953); the rest scatters from slopes that are
-normally distributed (geometric optics; Ulaby, Moore and Fung 1982, chapter 12), and a little from
-everything else in proportion to the cosines of both directions.
+The part in phase is mirrored (Ament 1953). The rest scatters from normally distributed slopes
+(geometric optics; Ulaby, Moore and Fung 1982, chapter 12), plus a little diffuse scattering by the
+cosines of both directions.
 """
 
 import math
@@ -18,10 +18,10 @@ from advercity.rendering.raycaster import RayHits
 from advercity.semantics import Semantic
 
 DIFFUSE_FRACTION = 0.1
-"""Diffuse scattering relative to the reflectance at normal incidence, an assumption: that of
-asphalt is then -19 dB at normal incidence and -27 dB at 80 deg."""
+"""Diffuse scattering relative to the reflectance at normal incidence, an assumption: asphalt then
+has -19 dB at normal incidence and -27 dB at 80 deg."""
 WATER_FILM_SMOOTHING = 0.7
-"""How much of a road's roughness a soaking film fills: an assumption."""
+"""Fraction of a road's roughness filled by a soaking film: an assumption."""
 
 WAVENUMBER_PER_M = 2.0 * math.pi / WAVELENGTH_M
 _SURFACES = [material.radar for material in MATERIALS.values()]
@@ -32,14 +32,14 @@ _SLOPE = np.array([item.slope for item in _SURFACES], np.float32)
 
 @dataclass(frozen=True, eq=False)
 class HitSurfaces:
-    """The surfaces that n rays hit.
+    """The surfaces hit by n rays.
 
     Attributes:
         normal: (n, 3) unit, towards the incoming ray.
         cosine: (n,) of the angle of incidence.
         permittivity: (n,) complex.
         slope: (n,) standard deviation of the slope.
-        mirrored: (n,) fraction of the reflected power that stays in phase.
+        mirrored: (n,) fraction of the reflected power in phase.
     """
 
     normal: FloatArray
@@ -65,11 +65,11 @@ class HitSurfaces:
         )
 
     def compute_mirror_power(self) -> FloatArray:
-        """Compute the fraction (n,) of the power that goes on in the mirror direction."""
+        """Compute the fraction (n,) of the power in the mirror direction."""
         return self.mirrored * compute_reflectance(self.permittivity, self.cosine)
 
     def compute_scattering(self, incoming: FloatArray, outgoing: FloatArray) -> FloatArray:
-        """Compute the bistatic cross-section per area (n,), without what is mirrored.
+        """Compute the bistatic cross-section per area (n,), without the mirrored part.
 
         Args:
             incoming: (n, 3) direction of the wave towards the surface, unit.

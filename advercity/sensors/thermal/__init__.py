@@ -1,4 +1,4 @@
-"""Thermal cameras: what they see of surfaces, bodies, engines, sky and air from 8 to 14 um."""
+"""Thermal cameras from 8 to 14 um: surfaces, bodies, engines, sky and air."""
 
 from advercity.sensors.thermal.conditions import ThermalConditions, derive_thermal_conditions
 from advercity.sensors.thermal.image import (

@@ -1,4 +1,4 @@
-"""Air, sun and sky as they warm and cool surfaces, computed once per weather."""
+"""Heating and cooling of surfaces by air, sun and sky, computed once per weather."""
 
 from dataclasses import dataclass
 
@@ -13,23 +13,23 @@ from advercity.physics.precipitation import CAMERA_HEIGHT_M, wind_at_height
 LUMENS_PER_WATT = 110.0
 """Luminous efficacy of daylight, of the sun and of the sky within a tenth (Littlefair 1988)."""
 MEAN_DAY_W_M2, CLOUD_LOSS, CLOUD_POWER = 190.0, 0.75, 3.4
-"""Global irradiance, mean of a clear day at 45 degrees at an equinox, and what clouds take of it
+"""Global irradiance, the mean of a clear day at 45 degrees at an equinox, and its loss by clouds
 (Kasten and Czeplak 1980)."""
 MIN_AIR_SPEED_M_S = 1.0
-"""Speed of the air along a warm surface in a calm, in which it rises."""
+"""Speed of the air along a warm surface in a calm: warm air rises."""
 
 
 @dataclass(frozen=True, eq=False)
 class ThermalConditions:
-    """Air, sun and sky as they warm and cool surfaces.
+    """Heating and cooling of surfaces by air, sun and sky.
 
     Attributes:
-        air: What a camera sees through.
+        air: Air between surfaces and camera.
         sun_direction: (3,) towards the sun.
         sun_w_m2: Irradiance by the sun, normal to its rays.
         diffuse_w_m2: Irradiance of level ground by the sky.
         mean_w_m2: Irradiance of level ground, the mean of a day.
-        transfer_w_m2_k: Heat that a surface gives to air and surroundings per kelvin.
+        transfer_w_m2_k: Heat from a surface to air and surroundings per kelvin.
         wetness: 0 dry to 1 soaked.
         puddle_coverage: Fraction of the carriageway under standing water.
         snow_cover: Fraction of the ground under snow.
@@ -49,16 +49,16 @@ class ThermalConditions:
 
 
 def derive_thermal_conditions(atmosphere: Atmosphere, weather: Weather) -> ThermalConditions:
-    """Derive what a thermal camera needs of a weather and its atmosphere.
+    """Derive the conditions of a thermal camera from a weather and its atmosphere.
 
-    Heat goes to the air by McAdams' law, 5.7 + 3.8 W/(m² K) for each m/s of wind along the surface,
-    and to the surroundings by radiation.
+    Surfaces lose heat to the air by McAdams' law, 5.7 + 3.8 W/(m² K) for each m/s of wind along
+    the surface, and to the surroundings by radiation.
     """
     air = InfraredAir.from_weather(weather, atmosphere.extinction)
     speed = float(np.linalg.norm(wind_at_height(weather.wind, CAMERA_HEIGHT_M)))
     is_covered = atmosphere.extinction.water_g_m3 > 0.0
     cloudiness = 1.0 if is_covered else weather.sky.oktas / 8.0
-    # Without the moon, which warms nothing.
+    # The moon does not warm surfaces.
     is_day = not atmosphere.night
     return ThermalConditions(
         air=air,

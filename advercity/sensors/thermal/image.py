@@ -1,7 +1,7 @@
 """The image of a thermal camera, by rays against the same bodies as a LiDAR's.
 
-Panes and paint mirror the sky and what is around. Values are temperatures of black bodies that
-would look the same, in steps of 0.04 K as uncooled cameras have it (TLinear), 14 bits.
+Panes and paint mirror the sky and the surroundings. Values are apparent temperatures, of black
+bodies, in steps of 0.04 K as in uncooled cameras (TLinear), 14 bits.
 """
 
 from collections.abc import Iterable, Mapping
@@ -31,11 +31,11 @@ from advercity.sensors.thermal.surface_heat import (
 
 MAX_RANGE_M = 3000.0
 SHELTER_M = 60.0
-"""Distance within which something above a surface shelters it from the sky."""
+"""Largest distance of shelter above a surface."""
 NOISE_AT_K = 300.0
-"""Temperature at which the noise of cameras is stated."""
+"""Temperature for the stated noise of cameras."""
 WATER_MIRROR = 0.015
-"""Reflectance of water that faces the camera."""
+"""Reflectance of water facing the camera."""
 _OFF_SURFACE_M = 0.01
 _TILT = float(np.sqrt(0.5))
 _SKY_DIRECTIONS = np.array(
@@ -46,18 +46,18 @@ _SKY_DIRECTIONS = np.array(
 
 @dataclass(frozen=True, eq=False)
 class ThermalView:
-    """What rays of a thermal camera meet, h times w of them, before anything is warm.
+    """Surfaces hit by the h times w rays of a thermal camera, without temperatures.
 
     Attributes:
         shape: (h, w).
         directions: (h * w, 3) float32 of the rays in the world.
-        seen: (n,) numbers of the rays that hit something.
+        seen: (n,) numbers of the rays with a hit.
         hits: Their hits (n).
-        points: (n, 3) float32 of these in the world.
-        sun_fraction: (n,) of the sun that reaches them.
-        sky_fraction: (n,) of the sky that they see.
-        mirrored: (n, 3) float32 directions into which the surfaces mirror.
-        mirrors_sky: (n,) whether these go to the sky.
+        points: (n, 3) float32 of the hits in the world.
+        sun_fraction: (n,) fraction of the sun on each hit.
+        sky_fraction: (n,) fraction of the sky over each hit.
+        mirrored: (n, 3) float32 mirrored directions of the rays.
+        mirrors_sky: (n,) whether the mirrored ray reaches the sky.
     """
 
     shape: tuple[int, int]
@@ -72,7 +72,7 @@ class ThermalView:
 
     @property
     def instance(self) -> NDArray[np.int32]:
-        """Ids (h, w) of the actors that pixels show; 0 for everything static."""
+        """Ids (h, w) of the actors in pixels; 0 for everything static."""
         image = np.zeros(self.shape, np.int32)
         image.ravel()[self.seen] = self.hits.instance
         return image
@@ -94,10 +94,10 @@ def cast_thermal(
     *,
     hide: frozenset[int] = frozenset(),
 ) -> ThermalView:
-    """Cast the rays of an image, and from what they meet those to the sun and the sky.
+    """Cast the rays of an image, and from their hits rays to the sun and the sky.
 
-    Road users that move cast no shadow: it is gone before anything has cooled. Rays do not pass
-    those in `hide`.
+    Moving road users cast no shadow, as it is gone before a surface has cooled. Actors in `hide`
+    are invisible to all rays.
     """
     directions = _build_directions(model, world_from_camera)
     origins = np.broadcast_to(world_from_camera[:3, 3].astype(np.float32), directions.shape)
@@ -141,12 +141,12 @@ def take_thermal_image(
 
     Args:
         camera: The camera.
-        view: What its rays meet.
+        view: Surfaces hit by its rays.
         conditions: The weather.
         states: All actors.
         rng: Noise of this image.
-        seed: Of what lasts: the camera's pattern, how long cars have been parked.
-        name: Of the camera, so that each has its own pattern.
+        seed: Seed of the camera's pattern and of the times since cars were parked.
+        name: Name of the camera; each has its own pattern.
     """
     radiance = _compute_radiance(view, conditions, {one.actor.id: one for one in states}, seed)
     if camera.blur_px:
@@ -166,7 +166,7 @@ def _compute_radiance(
     states: Mapping[int, ActorState],
     seed: int,
 ) -> Float64Array:
-    """Compute the radiance (h, w) that arrives at the pixels, W/(m² sr)."""
+    """Compute the radiance (h, w) at the pixels, W/(m² sr)."""
     air, hits = conditions.air, view.hits
     image = air.sky_radiance(view.directions[:, 2].astype(np.float64))
     temperature, emissivity = compute_temperatures(
@@ -188,14 +188,14 @@ def _compute_radiance(
 
 
 def _compute_schlick(facing: Float64Array, cosine: FloatArray) -> Float64Array:
-    """Compute the reflectance (n,) by that of surfaces that face the ray (Schlick 1994)."""
+    """Compute the reflectance (n,) from the one at normal incidence (Schlick 1994)."""
     return facing + (1.0 - facing) * (1.0 - np.minimum(cosine, 1.0)) ** 5
 
 
 def _find_puddles(
     hits: RayHits, points: FloatArray, conditions: ThermalConditions
 ) -> NDArray[np.bool_]:
-    """Find what is under standing water (n,)."""
+    """Find the hits (n,) on standing water."""
     on_road = (hits.semantic == Semantic.ROAD) | (hits.semantic == Semantic.ROAD_LINE)
     if not conditions.puddle_coverage:
         return np.zeros(len(points), np.bool_)
@@ -205,7 +205,7 @@ def _find_puddles(
 
 
 def _find_sky_fraction(normal: FloatArray, shelter: "_Shelter") -> Float64Array:
-    """Find the part of the sky (n,) that surfaces see: 1 for level ground in the open."""
+    """Find the visible part of the sky (n,) for surfaces: 1 for level ground in the open."""
     weights = np.maximum(normal @ _SKY_DIRECTIONS.T, 0.0).astype(np.float64)
     is_open = np.zeros_like(weights)
     for column, direction in enumerate(_SKY_DIRECTIONS):
@@ -217,10 +217,10 @@ def _find_sky_fraction(normal: FloatArray, shelter: "_Shelter") -> Float64Array:
 
 @dataclass(frozen=True, eq=False)
 class _Shelter:
-    """Finds what has nothing above it.
+    """Finds surfaces with a free path in some direction.
 
     Attributes:
-        raycaster: With those that cast shadows.
+        raycaster: Raycaster with the actors that cast shadows.
         starts: (n, 3) float32 just above the surfaces.
     """
 
@@ -228,7 +228,7 @@ class _Shelter:
     starts: FloatArray
 
     def find_open(self, rows: IndexArray, directions: FloatArray, range_m: float) -> Float64Array:
-        """Find which of some surfaces are open in a direction (3,), or (k, 3): 1; all others: 0."""
+        """Return 1 for surfaces of `rows` open in a direction (3,), or (k, 3); 0 for all others."""
         found = np.zeros(len(self.starts))
         if len(rows):
             towards = np.ascontiguousarray(np.broadcast_to(directions, (len(rows), 3)), np.float32)

@@ -1,8 +1,8 @@
 """Temperatures of surfaces: by sun, sky and air, by bodies, and by engines.
 
-The temperature over the air's is ASHRAE's sol-air excess, (a G - e dR) / h, of which a material
-takes a part at once and keeps a part of the day's mean. a is its absorptance of sunlight, G the
-irradiance, e its emissivity, dR what it loses to the sky, h what it gives to the air per kelvin.
+The temperature over the air's is ASHRAE's sol-air excess, (a G - e dR) / h. A material takes a part
+of it at once and keeps a part of the day's mean. a is its absorptance of sunlight, G the
+irradiance, e its emissivity, dR the loss to the sky, h the heat to the air per kelvin.
 """
 
 import math
@@ -45,24 +45,24 @@ _IS_RUBBER, _IS_GLASS = _is_named("rubber"), _is_named("glass")
 _IS_WHEEL_METAL = _is_named("metal", "chrome")
 
 GROUND_REFLECTANCE = 0.2
-"""Of the surroundings for sunlight, by which walls get some."""
+"""Reflectance of the surroundings for sunlight, part of which reaches walls."""
 DRIED_BY_WATER = 0.85
-"""Part of a surface's excess that a film of water takes by evaporation."""
+"""Part of a surface's excess lost to evaporation of a film of water."""
 SNOW_EMISSIVITY = 0.985
 BODY_HEAT_W_M2 = 90.0
 """Heat of a walking person through its clothes: 60 W/m² go with breath and sweat (ISO 8996)."""
 HAIR_FACTOR = 1.5
-"""Heat through hair relative to that through clothes."""
+"""Heat through hair relative to heat through clothes."""
 SKIN_C, SKIN_AT_C, SKIN_PER_K, MIN_SKIN_C = 33.0, 22.0, 0.35, 18.0
-"""Temperature of faces and hands in air of `SKIN_AT_C`, how much it follows the air, and the least
-of it: between the cheeks' and the forehead's in the cold."""
+"""Temperature of faces and hands in air of `SKIN_AT_C`, its change per kelvin of the air, and its
+minimum: between the cheeks' and the forehead's in the cold."""
 PARKED_MEAN_H, COOLING_H = 3.0, 0.7
 """Mean time since a parked car was driven, and the time in which it cools to 1/e: assumptions."""
 BONNET_K, GRILLE_K, CABIN_K, TYRE_K, BRAKE_K, UNDERSIDE_K = 12.0, 18.0, 3.0, 12.0, 25.0, 20.0
 EXHAUST_K, MOTORCYCLE_ENGINE_K = 70.0, 50.0
-"""Excesses of parts of a vehicle that was driven for long: of the size that thermograms show."""
+"""Excesses of parts of a vehicle after a long drive, of the size seen in thermograms."""
 EXHAUST_HEIGHT_M, EXHAUST_SPREAD_M = 0.32, 0.06
-"""Where the end of an exhaust is above the road, and how far it warms the bumper around."""
+"""Height of an exhaust's end above the road, and the radius of the warm bumper around it."""
 
 
 def compute_temperatures(
@@ -74,10 +74,10 @@ def compute_temperatures(
     """Compute temperatures (n,) in kelvin of surfaces by the weather, and their emissivities.
 
     Args:
-        hits: The surfaces, all of which are hit.
+        hits: The surfaces, without misses.
         conditions: The weather.
-        sun_fraction: (n,) of the sun that reaches them, 0 in a shadow.
-        sky_fraction: (n,) of the sky that they see, 1 for level ground in the open.
+        sun_fraction: (n,) fraction of the sun on them, 0 in a shadow.
+        sky_fraction: (n,) fraction of the sky over them, 1 for level ground in the open.
     """
     air = conditions.air
     material, transfer = hits.material, conditions.transfer_w_m2_k
@@ -109,7 +109,7 @@ def compute_temperatures(
 
 
 def _find_snow_cover(hits: RayHits, conditions: ThermalConditions) -> Float64Array:
-    """Find the fraction (n,) of level surfaces under snow; nothing lies on road users."""
+    """Find the fraction (n,) of level surfaces under snow; road users have none."""
     on_road = (hits.semantic == Semantic.ROAD) | (hits.semantic == Semantic.ROAD_LINE)
     cover = np.array([conditions.snow_cover, conditions.road_snow_cover]).take(on_road)
     return hits.keep_exposed(np.where(hits.instance > 0, 0.0, cover))
@@ -139,7 +139,7 @@ def warm_road_users(
 
 
 def find_warmth(state: ActorState, *, seed: int) -> float:
-    """Find how warm a vehicle is: 1 if it drives, less the longer it has been parked."""
+    """Find the warmth of a vehicle: 1 if it drives, less the longer it has been parked."""
     if not state.is_parked:
         return 1.0
     parked_h = create_generator(seed, "parked for", state.actor.id).exponential(PARKED_MEAN_H)
@@ -163,7 +163,7 @@ def _warm_person(
 def _compute_engine_excess(
     state: ActorState, place: FloatArray, normal: FloatArray, material: NDArray[np.int16]
 ) -> Float64Array:
-    """Compute by how much (n,) a driven vehicle is warmer at points (n, 3) in its frame."""
+    """Compute the excess (n,) in kelvin of a driven vehicle at points (n, 3) in its frame."""
     length, width, height = state.actor.size
     ahead, beside, up = place[:, 0] / length, np.abs(place[:, 1]) / width, place[:, 2]
     if state.actor.actor_class == "motorcycle":
