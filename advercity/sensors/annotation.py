@@ -214,8 +214,7 @@ class Annotation:
 
     Attributes:
         state: State of the actor.
-        location: (3,) reference point as in CARLA: on the ground under a vehicle, the middle of
-            a pedestrian's body.
+        location: (3,) point as in CARLA: the ground under a vehicle, a pedestrian's middle.
         centre: (3,) middle of its box.
         distance_m: From the agent's origin to `location`.
         bearing_rad: Horizontal direction from the agent to `location`, independent of the agent's

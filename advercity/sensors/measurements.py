@@ -225,8 +225,7 @@ class OpticalFlow:
 
 
 KELVIN_PER_COUNT = 0.04
-"""Step of a thermal image: a value times this is the apparent temperature in kelvin, of a black
-body."""
+"""Step of a thermal image: a value times this is the kelvin of an equally bright black body."""
 MAX_COUNT = 2**14 - 1
 """Largest value of a thermal image, of 14 bits."""
 

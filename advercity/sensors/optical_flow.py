@@ -2,8 +2,7 @@
 
 The depth of a pixel gives its point. Until the next frame the point moves with its actor; on people
 and riders it moves with the nearest vertex of their bodies, on wheels with the car. A ray from the
-next place of the camera finds whether the point is hidden there. Flow of different backends differs
-only by their depths.
+next place of the camera finds whether the point is hidden there. Backends differ only by depths.
 """
 
 from collections.abc import Callable, Mapping
@@ -125,8 +124,7 @@ def _find_next_offsets(
 ) -> tuple[Float64Array, FloatArray]:
     """Find the next places of points: offsets (n, 3) from the camera in the world, distances (n,).
 
-    For infinitely far points, only the direction of the offset has a meaning. Points of actors that
-    are gone are NaN.
+    Offsets of infinitely far points are directions only; points of vanished actors are NaN.
     """
     now, then = motion.world_from_camera
     right, down = motion.model.plane_from_pixels(start).T

@@ -71,8 +71,7 @@ class CameraImage:
         depth_cm: (h, w) uint16, centimetres along the optical axis; 65535 at and beyond 65535 cm.
         projected_boxes: Boxes by actor id, of the actors whose outline overlaps the image.
         instance: (h, w) int32 actor id, 0 for everything static; None if the rig does not ask.
-        normal: (h, w, 3) float32, unit, x right, y down, z along the view, zero for sky; None if
-            the rig does not ask.
+        normal: (h, w, 3) float32, unit, x right, y down, z ahead, 0 for sky; None if not asked for.
         flow: Motion to the next image; None if the rig does not ask.
         hdr: (h, w, 3) uint16, linear; None if the rig does not ask.
         raw: (h, w) uint16, of the sensor's pixels; None if the rig does not ask.

@@ -58,8 +58,7 @@ DAY_WHITE_RANGE_K = (5500.0, 7500.0)
 NIGHT_WHITE_RANGE_K = (3500.0, 7500.0)
 """Ranges of white; yellower or bluer scenes stay so, as in dust and under a low sun."""
 SWITCH_FRACTION = 0.9
-"""Fraction of a full pixel from which the next shorter exposure is taken; below it, noise does not
-fill a pixel."""
+"""Fraction of a full pixel from which the next shorter exposure is taken, with room for noise."""
 COLOUR_CHANNELS = "rgb"
 """Letters of the colours in names of filter patterns, by channel."""
 
@@ -192,8 +191,8 @@ def digitise_raw(
     """Convert light (h, w, 3) in cd/m² to values (h, w) of pixels behind filters of one colour.
 
     Values are of the long exposure up to a full pixel, or include the highlights of the camera's
-    `sensor_values`; they have no white balance. Noise is as in `digitise` and shows below the black
-    level, down to 0.
+    `sensor_values`, without white balance. Noise is as in `digitise`, down to 0 below the black
+    level.
     """
     raw = camera.sensor_values
     electrons = _select_filtered(light, raw.pattern) * np.float32(

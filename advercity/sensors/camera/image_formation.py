@@ -50,8 +50,7 @@ class CameraConditions:
         blocks: Falling drops and flakes, the same for every camera.
         ambient_light: Light on particles in the air.
         white_point: (3,) colour shown as grey.
-        white_card_cd_m2: Luminance of a white card on open ground; inf by night, when lamps light
-            some places only.
+        white_card_cd_m2: Luminance of a white card on open ground; inf by night, under lamps.
         key: Random key of everything in front of the lenses.
     """
 

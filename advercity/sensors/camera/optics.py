@@ -146,8 +146,7 @@ def add_stray_light(
     """Compute the radiance (h, w, 3) behind a lens with a fraction e of scattered light.
 
     The point-spread function is (1 - e) delta + e C / (theta² + theta_0²)^1.5. The veil is computed
-    on a small copy of the image with the kernel of its centre; the surroundings are assumed to be
-    like the image.
+    on a small copy of the image with the kernel of its centre and equally bright surroundings.
     """
     height, width = radiance.shape[:2]
     scale = min(1.0, VEIL_WIDTH_PX / width)

@@ -39,8 +39,7 @@ PAIRS_PER_BATCH = 2**14
 SUN_RADIUS_RAD = math.radians(0.533 / 2.0)
 """Half the sun's angular diameter."""
 SUN_MARGIN = 0.1
-"""Distance of the disc's centre from the image, in focal lengths, beyond which no part of the disc
-is in it."""
+"""Distance of the sun from the image, in focal lengths, beyond which its disc is outside."""
 
 
 @dataclass(frozen=True, eq=False)

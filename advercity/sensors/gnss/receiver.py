@@ -98,8 +98,7 @@ class ReceiverInPlace:
             stamp_s: Time of the fix since the scenario's start.
 
         Returns:
-            The fix of the carrier's origin; None if the tracked satellites are too few or their
-            dilution is too large.
+            The fix of the carrier's origin; None with too few satellites or too much dilution.
         """
         satellites, directions, antenna = self._place(time_s)
         signals = self._track(time_s, velocity)
@@ -228,8 +227,7 @@ class ReceiverInPlace:
     ) -> float | None:
         """Measure the heading of the line from one antenna to the other, if there are two.
 
-        Its standard deviation is the one of their relative position across the line, over the
-        line's length.
+        Its standard deviation is their relative position's across the line, over its length.
         """
         baseline_m, used = self._receiver.heading_baseline_m, signals.carrier
         if baseline_m == 0.0 or used.sum() < MIN_CARRIERS:

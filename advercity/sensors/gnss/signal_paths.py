@@ -85,9 +85,8 @@ class SkyView:
     ) -> Reflections:
         """Find the strongest reflection by a wall from satellites in directions (n, 3).
 
-        Walls are planes found by rays from the antenna. A satellite's mirror image is behind the
-        wall; a ray in its direction must hit the wall, at a point with a free path to the
-        satellite.
+        Walls are planes found by rays from the antenna. A ray towards a satellite's mirror image
+        must hit the wall, at a point with a free path to the satellite.
         """
         count = len(directions)
         walls, distance_m = self._find_walls(antenna)

@@ -1,7 +1,7 @@
 """The LiDAR equation, detection statistics, and the reflectance of surfaces at 905 nm.
 
-Powers are relative to the detection threshold in the dark, where half of the returns of power 1
-are detected.
+Powers are relative to the detection threshold in the dark; a return of 1 is detected half of the
+time.
 """
 
 import math
@@ -38,8 +38,7 @@ class Receiver:
     Attributes:
         white_target_power: Power of a white target facing the sensor in a vacuum, relative to the
             threshold in the dark, without the factor 1/(R² + near_field²).
-        near_field_m: Range below which gain control and incomplete overlap keep power from
-            growing with 1/R².
+        near_field_m: Range below which gain control and incomplete overlap keep power below 1/R².
         pulse_length_m: Returns closer than this overlap and count as one.
         field_of_view_rad: Full field of view of a channel.
     """
@@ -113,8 +112,7 @@ def range_standard_deviation_m(lidar: Lidar, power: FloatArray) -> FloatArray:
 DETECTION_RANGE_STEP_M = 0.1
 WHITE_LEVEL_OF_BYTE = 255.0
 BRIGHTEST_REFLECTANCE = 1000.0
-"""Reflectance reported as 255: the brightest sheeting returns 300 cd/lx/m², and its reflectance is
-pi times this number."""
+"""Reflectance reported as 255: pi times the 300 cd/lx/m² of the brightest sheeting."""
 
 
 def reflectivity_fraction(reflectance: FloatArray, white_level: int) -> FloatArray:

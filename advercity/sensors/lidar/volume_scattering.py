@@ -46,8 +46,7 @@ LOG_POWER_DEVIATION = 0.3
 NUM_PROFILE_LEVELS = 256
 NUM_RANGE_QUANTILES = 1 << 16
 MAX_PROFILE_CUT = 0.95
-"""Highest cut relative to the peak: a return lifted over the threshold by noise alone comes from
-near the peak."""
+"""Highest cut relative to the peak: returns lifted by noise alone come from near the peak."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,8 +181,7 @@ class ParticleTable:
         part: The particles.
         expected: Mean number of particles per beam with at least `MIN_PARTICLE_POWER`.
         range_m: (NUM_LEVELS,) quantiles of their ranges.
-        min_diameter_mm: (NUM_LEVELS,) melted diameter of a particle with exactly this power at
-            each of these ranges.
+        min_diameter_mm: (NUM_LEVELS,) melted diameter of a particle with this power, by range.
     """
 
     part: Precipitation

@@ -15,8 +15,7 @@ LOSS_DB = 12.0
 """Windows in four dimensions, and the losses of circuits and antenna: an assumption."""
 BOLTZMANN_J_K, TEMPERATURE_K = 1.380649e-23, 290.0
 _GAIN_BEAM_DEG2 = 30_000.0
-"""Gain times the product of both beam widths, of practical antennas (Balanis, Antenna Theory, 2005,
-section 2.9)."""
+"""Gain times both beam widths, of practical antennas (Balanis, Antenna Theory, 2005, 2.9)."""
 
 
 def compute_gain(radar: Radar, directions: FloatArray) -> FloatArray:
@@ -75,8 +74,7 @@ def compute_range_cell_m(radar: Radar) -> float:
 def compute_echo_factor(radar: Radar) -> float:
     """Compute the signal-to-noise ratio of a path per unit of gain², m² and 1/m⁴.
 
-    This is the radar equation with the energy of one measurement, whose time follows from the
-    velocity cell.
+    The radar equation has the energy of one measurement; its time follows from the velocity cell.
     """
     time_s = WAVELENGTH_M / (2.0 * radar.speed_cell_m_s)
     energy_j = 10.0 ** (radar.transmit_dbm / 10.0 - 3.0) * time_s * ARRAY_GAIN

@@ -31,8 +31,7 @@ from advercity.sensors.spray_plumes import (
 )
 
 VELOCITY_SPREAD_M_S = 1.0
-"""Standard deviation of the radial velocities in a cell: turbulence, gusts, sizes of drops; an
-assumption."""
+"""Standard deviation of radial velocities per cell by turbulence, gusts and drop sizes; assumed."""
 SPRAY_DROP_SLOPE_PER_MM, SPRAY_LARGEST_MM = 30.0, 1.0
 """Exponential sizes with a Sauter diameter of 0.1 mm, as in `SPRAY_EXTINCTION_PER_G_M3`."""
 SPRAY_SPEED_RATIO = 0.5

@@ -38,8 +38,7 @@ MIN_FLASH_SNR = 10.0
 """Least signal-to-noise ratio of a mirrored ray for closer rays at the edge of its flash. A few
 such rays add up to a strong echo; weaker flashes drown in scattered power."""
 GHOST_CELLS = 2.0
-"""Distance, in range cells, between a surface and its place in a detection beyond which the
-detection is a ghost."""
+"""Distance, in range cells, of a path's apparent place from its surface that makes it a ghost."""
 _EPSILON_M = 1e-3
 
 
