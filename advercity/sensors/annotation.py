@@ -74,7 +74,7 @@ def build_hull_point_lookup(bodies: Mapping[str, Body]) -> HullPointLookup:
 
 
 def select_extreme_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Select the farthest points (n, 3) in each of many evenly spread directions."""
+    """Select the points (n, 3) farthest in at least one of many evenly spread directions."""
     # A Fibonacci lattice: directions at golden-ratio azimuths and equal steps of height.
     directions = np.split(spread_directions(NUM_HULL_DIRECTIONS), HULL_BATCHES)
     return points[np.unique([np.argmax(some @ points.T, axis=1) for some in directions])]

@@ -93,7 +93,7 @@ class CameraModel:
         width_px: Width of the image.
         height_px: Height of the image.
         focal_px: Focal length in widths of a pixel.
-        distortion: Distortion by the lens; None of a pinhole.
+        distortion: Distortion by the lens; None for a pinhole.
         pixel_aspect: Width of a pixel over its height.
         offset_px: Place of the principal point right of and below the middle of the image.
     """

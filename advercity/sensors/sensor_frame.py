@@ -103,7 +103,7 @@ class LidarScan:
         world_from_lidar: (4, 4) at the frame's instant.
         point_cloud: Points in the LiDAR's frame.
         hits: Number of the noise-free LiDAR's beams on each actor, by actor id.
-        time_s: Time of the scan, as `Frame.time_s`; None without a rate of its own.
+        time_s: Time of the scan, as `Frame.time_s`; None for a sensor without its own rate.
     """
 
     world_from_lidar: Matrix

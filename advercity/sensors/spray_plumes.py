@@ -31,7 +31,7 @@ SPRAYING_CLASSES = ("car", "van", "truck", "motorcycle")
 
 
 def has_spray(water_film_mm: float) -> bool:
-    """Whether the water on the road is deep enough for spray."""
+    """Return whether the water on the road is deep enough for spray."""
     return water_film_mm > MIN_SPRAY_FILM_MM
 
 

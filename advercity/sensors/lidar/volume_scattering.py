@@ -38,7 +38,7 @@ from advercity.sensors.spray_plumes import (
 )
 
 SPRAY_LIDAR_RATIO_SR = 20.0
-"""Extinction over backscatter, as of droplets."""
+"""Extinction over backscatter, for droplets."""
 MIN_RANGE_M, MAX_RANGE_M, RANGE_STEP_M = 0.5, 60.0, 0.02
 """Tabulated ranges; beyond, neither fog nor particles are detected."""
 LOG_POWER_DEVIATION = 0.3

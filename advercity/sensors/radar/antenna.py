@@ -45,7 +45,7 @@ def compute_two_way_gain(radar: Radar, out: FloatArray, home: FloatArray) -> Flo
 
 
 def is_in_view(radar: Radar, directions: FloatArray) -> NDArray[np.bool_]:
-    """Whether unit vectors (n, 3) are in the field of view."""
+    """Find which unit vectors (n, 3) are in the field of view."""
     azimuth, elevation = np.degrees(compute_angles(directions))
     return (np.abs(azimuth) < radar.azimuth_fov_deg / 2.0) & (
         np.abs(elevation) < radar.elevation_fov_deg / 2.0

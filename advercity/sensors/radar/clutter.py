@@ -54,7 +54,7 @@ class FallingClutter:
     velocity: Float64Array
 
     def compute_strength(self, range_m: FloatArray, direction: FloatArray) -> FloatArray:
-        """Compute the strength (n,), as of `Paths`, of a cell's volume, all velocities together."""
+        """Compute the strength (n,), as in `Paths`, of a cell's volume, all velocities together."""
         radar = self.radar
         elevation = compute_angles(direction)[1]
         solid_angle = np.cos(elevation) * math.radians(radar.azimuth_cell_deg)

@@ -364,7 +364,7 @@ class PathTracer:
 def trace_paths(
     placed: PlacedRadar, raycaster: Raycaster, motion: SceneMotion, *, wetness: float = 0.0
 ) -> SurfacePaths:
-    """Trace all paths of a radar; arguments as of `PathTracer`."""
+    """Trace all paths of a radar; arguments as in `PathTracer`."""
     fan = aim_rays(placed, raycaster, motion.frame.states)
     traced = PathTracer(placed, raycaster, motion, wetness, fan).trace()
     snr = np.abs(traced.paths.field) ** 2 * compute_echo_factor(placed.radar)

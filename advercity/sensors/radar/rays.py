@@ -36,7 +36,7 @@ class RayFan:
 
     Attributes:
         directions: (n, 3) float32, unit, in the radar's frame.
-        solid_angle_sr: (n,) float32 of each.
+        solid_angle_sr: (n,) float32 of each ray.
         grid: The even rays before the split.
         places: (n, 2) row and column of each, in steps of the grid from its first corner.
         parts: (n,) divisor of the step of its even ray.
