@@ -1,7 +1,11 @@
 import ast
 import functools
+import re
 import subprocess
 import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -106,6 +110,27 @@ def test_each_engine_has_one_home(library: str, home: set[str]) -> None:
         if any(name.split(".")[0] == library for name in list_imports(path))
     }
     assert users <= home
+
+
+def list_requirements() -> set[str]:
+    """List the distributions that the core and its extras require."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    listed = [*project["dependencies"], *chain(*project["optional-dependencies"].values())]
+    return {re.split(r"[^\w-]", item)[0].lower().replace("_", "-") for item in listed}
+
+
+def test_each_imported_package_is_required() -> None:
+    """Packages of the development environment are not on a user's machine."""
+    owners, required = packages_distributions(), list_requirements()
+    imported = {name.split(".")[0] for path in modules() for name in list_imports(path)}
+    others = imported - {"advercity", "advercity_dsl"} - sys.stdlib_module_names
+    with_others = {"annotated_types", "pydantic_core", "pyoidn"}  # of pydantic, and of backends
+    missing = {
+        name
+        for name in others - with_others
+        if not required & {owner.lower().replace("_", "-") for owner in owners.get(name, [name])}
+    }
+    assert missing == set()
 
 
 def test_files_of_sensors_load_nothing_that_measures_or_shows() -> None:
