@@ -5,11 +5,15 @@ from dataclasses import MISSING, fields
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_origin
 
 import typer
 
+from advercity.errors import InputError
 from advercity.run_options import OPTIONS, Option, RunOptions, parse_frames
+
+if TYPE_CHECKING:
+    from advercity_dsl import Spec
 
 LibraryArgument = Annotated[
     list[Path] | None,
@@ -102,6 +106,21 @@ def find_libraries(folders: list[Path] | None) -> list[Path]:
 
     here = Path("library")
     return folders or [here if here.is_dir() else find_shipped_library()]
+
+
+def load_specs(paths: list[Path], **changes: Any) -> "list[Spec]":
+    """Load specs, with the changes of `api.load_spec`; InputError for folders, which are none."""
+    from advercity.api import load_spec
+    from advercity.output_files import is_dataset_or_scenario
+
+    for path in paths:
+        if path.is_dir() and is_dataset_or_scenario(path):
+            raise InputError(
+                f"{path}: is a dataset, not a spec; `advercity view`, `stats` and `export` read it"
+            )
+        if path.is_dir():
+            raise InputError(f"{path}: is a folder; name specs in it: {path / '*.json'}")
+    return [load_spec(path, **changes) for path in paths]
 
 
 def split_names(text: str) -> list[str]:

@@ -17,6 +17,7 @@ from advercity.cli.arguments import (
     LayoutOption,
     SpecArgument,
     WeatherLibraryOption,
+    load_specs,
     take_options,
 )
 from advercity.cli.output import EndedBySignal, print_data, print_remark, print_unread
@@ -49,7 +50,7 @@ def run(
 
     if (keep or web) and not options.stream:
         raise InputError(f"{'--keep' if keep else '--web'} needs --stream")
-    loaded = [api.load_spec(path, weather=weather, library=library or ()) for path in specs]
+    loaded = load_specs(specs, weather=weather, library=library or ())
     if options.executor == "local":
         # Before the modules for simulation and rendering, which take seconds to load.
         refuse_other_run(options.folder, [spec.id for spec in loaded])
@@ -114,12 +115,11 @@ def estimate(specs: SpecArgument, options: RunOptions, as_json: JsonOption = Fal
     comparable run was made on this machine.
     """
     from advercity.cli import tables
-    from advercity.compiler import read_spec
     from advercity.pipeline.estimate import estimate_run
     from advercity.pipeline.executors import validate_batch
     from advercity.pipeline.preparation import resolve_backend
 
-    loaded = [read_spec(path) for path in specs]
+    loaded = load_specs(specs)
     options = resolve_backend(options)
     validate_batch(loaded, options)
     found = estimate_run(loaded, options)
@@ -150,11 +150,10 @@ def simulate(
     Writes trace, report and moving plan of every scenario.
     """
     from advercity.cli import tables
-    from advercity.compiler import read_spec
     from advercity.conflicts.report import TrafficReport, build_table_rows, format_markdown_table
     from advercity.pipeline.traffic_report import compute_traffic_reports, simulate_to_folder
 
-    loaded = [read_spec(path) for path in specs]
+    loaded = load_specs(specs)
     reports: list[TrafficReport] = []
     problems: list[str] = []
     if markdown:
@@ -198,10 +197,10 @@ def gallery(
 ) -> None:
     """Draw one camera of scenarios in every weather into one image."""
     from advercity.cli.progress import show_progress
-    from advercity.compiler import find_weather, list_weathers, read_spec
+    from advercity.compiler import find_weather, list_weathers
     from advercity.pipeline.weather_gallery import write_weather_gallery
 
-    loaded = [read_spec(path) for path in specs]
+    loaded = load_specs(specs)
     folders = library or ()
     named = [find_weather(name, *folders) for name in weather or ()]
     with show_progress(loaded, things="images") as view:

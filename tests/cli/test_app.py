@@ -104,13 +104,22 @@ def test_a_truncated_spec_is_reported_and_leaves_nothing(
     assert not (tmp_path / "output").exists()
 
 
+@pytest.mark.parametrize("command", ["run", "estimate", "simulate"])
+def test_a_dataset_in_place_of_a_spec_is_named(
+    command: str, advercity: Command, two_roads: Path
+) -> None:
+    for path in (two_roads, next(two_roads.glob("*/manifest.json")).parent):
+        ran = advercity(command, path)
+        assert (ran.code, "is a dataset, not a spec" in ran.err) == (2, True)
+
+
 def test_a_folder_and_a_declaration_are_distinguished_from_a_spec(
     advercity: Command, spec_file: Path, library: Path
 ) -> None:
     folder = advercity("run", spec_file.parent)
     declaration = advercity("run", library / "nhtsa" / "weather" / "fog_day.yaml")
     assert (folder.code, declaration.code) == (2, 2)
-    assert f"is a folder; name a file in it, such as {spec_file}" in folder.err
+    assert f"is a folder; name specs in it: {spec_file.parent}/*.json" in folder.err
     assert "`advercity compile` makes specs, which are JSON, from declarations" in declaration.err
 
 
