@@ -123,7 +123,7 @@ class Receiver:
         power = self._fluctuate(cells)
         falling = (self._detect_falling(item, free_m) for item in self._clutter)
         echoes = [self._detect(cells, power), *falling, self._raise_alarms()]
-        cube = self._build_cube(cells, power) if self._radar.output == "cube" else None
+        cube = self._build_cube(cells, power, free_m) if self._radar.output == "cube" else None
         return RadarMeasurement(self._report(echoes), cube)
 
     def _compute_factor(self, range_m: FloatArray) -> FloatArray:
@@ -245,31 +245,32 @@ class Receiver:
             kind=found.kind,
         )
 
-    def _build_cube(self, cells: Cells, power: FloatArray) -> RadarCube:
+    def _build_cube(self, cells: Cells, power: FloatArray, free_m: Float64Array) -> RadarCube:
         """Build the cube of all cells, each with its strongest velocity."""
         velocities, azimuths, elevations, ranges = self._grid.counts
         shape = (azimuths, elevations, ranges)
         # The largest of `velocities` exponential numbers, drawn at once.
         strongest = -np.log1p(-(self._rng.random(shape) ** (1.0 / velocities)))
         rate = (self._rng.random(shape) * 2.0 - 1.0) * self._radar.max_speed_m_s
-        for level, middle in self._iterate_falling(shape):
+        for level, middle in self._iterate_falling(free_m):
             strongest *= 1.0 + level
             rate = np.where(level > 1.0, self._grid.fold(middle), rate)
         _, *place = self._grid.locate(cells.range_m, cells.rate_m_s, cells.direction)
         order = np.argsort(power, kind="stable")  # the strongest is written last
         where = tuple(number[order] for number in place)
-        strongest[where] = np.maximum(strongest[where], power[order])
-        rate[where] = self._grid.fold(cells.rate_m_s)[order]
-        level_db = 10.0 * np.log10(strongest)
+        echo, echo_rate = np.zeros(shape), np.zeros(shape)
+        echo[where], echo_rate[where] = power[order], self._grid.fold(cells.rate_m_s)[order]
+        rate = np.where(echo > strongest, echo_rate, rate)
+        level_db = 10.0 * np.log10(np.maximum(strongest, echo))
         by_range = (part.astype(np.float16).transpose(2, 0, 1) for part in (level_db, rate))
         return RadarCube(*map(np.ascontiguousarray, by_range))
 
-    def _iterate_falling(
-        self, shape: tuple[int, int, int]
-    ) -> Iterator[tuple[FloatArray, FloatArray]]:
+    def _iterate_falling(self, free_m: Float64Array) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Yield power and velocity in every cell for each kind of precipitation."""
+        shape = self._grid.counts[1:]
         direction, range_m = self._grid.list_volume(np.full(shape[:2], np.inf))
+        is_free = range_m.reshape(shape) < free_m.reshape(*shape[:2], 1)
         for clutter in self._clutter:
             middle = direction @ clutter.velocity
             mean = self._compute_clutter(clutter, range_m, direction, middle)
-            yield mean.reshape(shape), middle.reshape(shape)
+            yield mean.reshape(shape) * is_free, middle.reshape(shape)

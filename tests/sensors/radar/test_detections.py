@@ -404,3 +404,36 @@ def test_uneven_clutter_raises_more_alarms_as_the_integral_over_its_texture_has_
     expected = weights @ np.exp(-3.0 / local) / weights.sum()
     found = compute_clutter_chance(np.array([clutter]), 3.0)
     assert found == pytest.approx([expected], rel=0.012)
+
+
+def test_rain_in_a_cube_ends_at_a_wall(rain: RadarConditions) -> None:
+    wall = triangles(
+        [[5, -60, -30], [5, 60, -30], [5, 60, 30], [5, -60, 30]],
+        [[0, 1, 2], [0, 2, 3]],
+        "asphalt",
+    )
+    cube = vary(WIDE, output="cube")
+    open_air, walled, dry = (
+        found.power_db.astype(float)
+        for found in (scan(cube, air=rain).cube, scan(cube, wall, air=rain).cube, scan(cube).cube)
+        if found is not None
+    )
+    ahead, before, behind = slice(36, 44), slice(5, 10), slice(18, 30)  # cells of 0.4 m
+    assert walled[before, ahead].mean() == pytest.approx(open_air[before, ahead].mean(), abs=1.0)
+    assert open_air[behind, ahead].mean() > dry[behind, ahead].mean() + 1.2
+    assert walled[behind, ahead].mean() == pytest.approx(dry[behind, ahead].mean(), abs=0.2)
+
+
+def test_a_cell_of_a_cube_has_the_velocity_of_the_stronger_echo(rain: RadarConditions) -> None:
+    """A target far below the noise leaves the noise's velocity; a strong one brings its own."""
+    moving = (8.0, 0.0, 0.0)
+    weak, strong = (
+        scan(vary(NARROW, output="cube"), trihedral(size_m, 60), velocity=moving).cube
+        for size_m in (0.002, 0.5)
+    )
+    assert weak is not None
+    assert strong is not None
+    at = round(60 / 0.39972)
+    rates = [cube.velocity_m_s[at - 1 : at + 2].astype(float).ravel() for cube in (weak, strong)]
+    assert np.abs(rates[1] + 8.0).min() < 0.3
+    assert np.abs(rates[0] + 8.0).min() > 0.3
