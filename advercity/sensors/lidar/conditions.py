@@ -47,14 +47,22 @@ class LidarWindow:
 
     @staticmethod
     def from_lidar(
-        lidar: Lidar, time: ScanTime, coverage: tuple[float, float, float]
+        lidar: Lidar,
+        time: ScanTime,
+        coverage: tuple[float, float, float],
+        mount_yaw_rad: float = 0.0,
     ) -> "LidarWindow | None":
-        """Build the window of a sensor by its coverage (front, side, rear); None if it is clean."""
+        """Build the window of a sensor by its coverage (front, side, rear); None if it is clean.
+
+        Front, side and rear are those of the carrier, from which a mount may turn the sensor.
+        """
         if not any(coverage):
             return None
         front, side, rear = coverage
         azimuth = (np.arange(NUM_WINDOW_SECTORS) + 0.5) * (2.0 * math.pi / NUM_WINDOW_SECTORS)
-        from_front = np.minimum(azimuth, 2.0 * math.pi - azimuth)
+        from_front = np.abs(
+            np.remainder(azimuth + mount_yaw_rad + math.pi, 2.0 * math.pi) - math.pi
+        )
         limits = [from_front < _FRONT_SECTOR_RAD, from_front < _REAR_SECTOR_RAD]
         by_sector = np.select(limits, [front, side], rear)
         ahead_rad = scan_azimuths_rad(lidar) % np.float32(2.0 * math.pi)

@@ -1,5 +1,6 @@
 """Scans with the LiDARs of an open scenario."""
 
+import math
 from functools import lru_cache
 
 from advercity_dsl import Agent, Lidar
@@ -30,7 +31,12 @@ class LidarDriver(SensorDriver):
         hits = self._cast(agent, number, frame, conditions)
         # The first LiDAR's key has no number, as in datasets of carriers with one.
         rng = stage.poses.make_generator("lidar", agent, frame, *([number] if number else []))
-        cloud = measure_point_cloud(lidar, hits, conditions, rng, states=frame.states)
+        mount = agent.sensors.list_sensors("lidar")[number].mount
+        cloud = measure_point_cloud(
+            *(lidar, hits, conditions, rng),
+            states=frame.states,
+            mount_yaw_rad=math.radians(mount.yaw_deg),
+        )
         counted = count_lidar_hits(hits, lidar)
         stamp_s = stage.find_stamp("lidar", agent, number)
         return LidarScan(hits.world_from_lidar, cloud, counted, stamp_s)

@@ -33,15 +33,16 @@ def measure_point_cloud(
     rng: np.random.Generator,
     *,
     states: tuple[ActorState, ...] = (),
+    mount_yaw_rad: float = 0.0,
 ) -> PointCloud:
-    """Measure the points of one scan.
+    """Measure the points of one scan by a sensor that its mount turns by a yaw.
 
     Surfaces, surfaces behind windows or mirrored in puddles, fog, dust, drops, flakes and the
     spray of `states` all return light. Overlapping returns of a beam merge. Among the returns above
     the receiver's threshold, the rig reports the strongest, the last or both.
     """
     streams = RandomStreams(rng)
-    window = LidarWindow.from_lidar(lidar, scan.time, air.window_coverage)
+    window = LidarWindow.from_lidar(lidar, scan.time, air.window_coverage, mount_yaw_rad)
     sources = ReturnSources(lidar, scan, air, streams, window, states)
     is_active = _find_active_beams(lidar, scan, air, streams, window)
     per_beam, others = _collect_returns(lidar, sources, is_active)

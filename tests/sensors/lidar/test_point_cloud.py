@@ -139,6 +139,20 @@ def test_a_covered_window_attenuates_and_blocks() -> None:
     assert dimmed == pytest.approx(0.97**2, rel=1e-3)
 
 
+@pytest.mark.parametrize("yaw_deg", [0.0, 90.0, -120.0, 180.0])
+def test_the_front_of_a_covered_window_is_the_carriers(yaw_deg: float) -> None:
+    """A mount that turns left has the carrier's front on its right."""
+    lens = {"enabled": True, "coverage": {"front": 0.1, "side": 0.0, "rear": 0.0}}
+    scan, covered = scanned(panel(10.0, DARK, "plaster")), air(lens=lens)
+    found = measure_point_cloud(
+        *(DARK, scan, covered, create_generator("test")), mount_yaw_rad=math.radians(yaw_deg)
+    )
+    bearing_deg = np.degrees(np.arctan2(found.points[:, 1], found.points[:, 0])) + yaw_deg
+    in_front = np.abs((bearing_deg + 180.0) % 360.0 - 180.0) < 45.0
+    assert 0.6 < in_front.sum() / 30_000 < 0.95
+    assert (~in_front).sum() == pytest.approx(90_000, abs=64)
+
+
 def test_points_lie_on_surfaces_in_the_lidar_frame() -> None:
     world_from_lidar = pose_matrix((3.0, -2.0, 1.9), yaw=0.7, pitch=0.03)
     found = measure(DARK, cast_scan(DARK, world_from_lidar, raycaster_with((15.0, 4.0))))
