@@ -146,7 +146,7 @@ def test_the_person_in_a_pushed_wheelchair_wears_another_top():
 
 
 def test_hands_that_push_hold_no_umbrella():
-    with pytest.raises(ValidationError, match="neither an umbrella nor a case"):
+    with pytest.raises(ValidationError, match="hold no umbrella and no case"):
         PedestrianAppearance(attachment="pram", umbrella="red")
 
 

@@ -163,5 +163,5 @@ def test_arms_and_turns_are_those_of_the_world(crossroads: Road):
 def test_a_map_has_its_own_driving_side(crossroads: Road):
     data = crossroads.model_dump(mode="json") | {"driving_side": "left"}
 
-    with pytest.raises(ValidationError, match="'driving_side' is that of the map"):
+    with pytest.raises(ValidationError, match="'driving_side' comes from the map"):
         Road.model_validate(data)

@@ -44,6 +44,6 @@ def test_values_are_computed(text: str, expected: str) -> None:
 )
 def test_all_else_is_an_error(text: str) -> None:
     with pytest.raises(
-        ValueError, match=r"no value|not know|cannot be evaluated|characters|domain"
+        ValueError, match=r"no value|unknown|not know|cannot be evaluated|characters|domain"
     ):
         substitute(text, PARAMETERS)
