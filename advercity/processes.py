@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from types import FrameType
 
 PR_SET_PDEATHSIG = 1
 """From `linux/prctl.h`."""
@@ -26,6 +27,10 @@ Drivers of Vulkan map files into memory.
 """
 MISSING_PROGRAM = 127
 """Exit code of a command whose program does not start."""
+
+
+def ignore_signal(number: int, frame: FrameType | None) -> None:
+    """Handle a signal without any effect; child processes do not inherit it, unlike `SIG_IGN`."""
 
 
 def end_with_parent(parent_pid: int) -> None:

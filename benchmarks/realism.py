@@ -3,7 +3,7 @@
     python benchmarks/realism.py [compiled/ui_clear_day_dense.json ...]
 
 Traffic is of background vehicles only: connected and staged ones follow the declarations. Figures
-of LiDARs are those of the road in `docs/lidar_measurements.yaml`.
+of LiDARs are the rows about the road in `docs/lidar_measurements.yaml`.
 """
 
 import argparse

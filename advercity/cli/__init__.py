@@ -11,6 +11,7 @@ from types import FrameType
 from advercity.cli.app import app
 from advercity.cli.output import EndedBySignal, StderrHandler, exit_with_error
 from advercity.errors import InputError, RunError, explain_system_error
+from advercity.processes import ignore_signal
 
 
 def main() -> None:
@@ -66,12 +67,8 @@ def _open_closed_streams() -> None:
 
 def _end_by_signal(number: int, frame: FrameType | None) -> None:
     # A second signal must not interrupt the cleanup.
-    signal.signal(number, _ignore_signal)
+    signal.signal(number, ignore_signal)
     raise EndedBySignal(number)
-
-
-def _ignore_signal(number: int, frame: FrameType | None) -> None:
-    """Do nothing; unlike `SIG_IGN`, new child processes do not inherit it."""
 
 
 __all__ = ["app", "main"]

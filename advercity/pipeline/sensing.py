@@ -77,8 +77,8 @@ class SensorRig:
         readings: dict[str, tuple[Any, ...]] = {}
         for name, driver in self._drivers.items():
             numbers = range(len(agent.sensors.list_sensors(name)))
-            found = [driver.measure(agent, number) for number in numbers]
-            readings[name] = tuple(one for one in found if one is not None)
+            measured = [driver.measure(agent, number) for number in numbers]
+            readings[name] = tuple(one for one in measured if one is not None)
         estimates = (driver.estimate_pose(agent) for driver in self._drivers.values())
         found = self._poses.build_sensor_frame(
             agent,

@@ -25,7 +25,7 @@ from advercity.pipeline.messages import (
     WorkerTask,
 )
 from advercity.pipeline.scenario import join_scenario, run_scenario
-from advercity.processes import end_with_parent
+from advercity.processes import end_with_parent, ignore_signal
 
 if TYPE_CHECKING:
     Parent = Connection[WorkerMessage, str]
@@ -84,12 +84,8 @@ def _follow_parent(parent: "Parent", may_finish: Event) -> None:
 
 def _exit_on_signal(number: int, frame: FrameType | None) -> NoReturn:
     """Exit and close resources; a second signal must not interrupt this."""
-    signal.signal(signal.SIGTERM, _ignore_signal)
+    signal.signal(signal.SIGTERM, ignore_signal)
     sys.exit(128 + number)
-
-
-def _ignore_signal(number: int, frame: FrameType | None) -> None:
-    """Do nothing; unlike `SIG_IGN`, new child processes do not inherit it."""
 
 
 if __name__ == "__main__":

@@ -395,12 +395,12 @@ class _PooledScenario:
             subject = "it" if count == 1 else f"its {count} workers together"
             self.error = RunError(
                 f"killed: used {format_byte_size(used_bytes)} of memory, more than the"
-                f" {format_byte_size(most_bytes)} allowed for {subject}; raise `max_memory`"
+                f" {format_byte_size(most_bytes)} allowed for {subject}; raise `max_memory_bytes`"
             )
         elif time.monotonic() - self.began_s > (self.limits.time_s or math.inf):
             self.error = RunError(
                 f"killed: took longer than {format_duration(self.limits.time_s or 0)}; run the"
-                " same command again to resume, or raise `max_time`"
+                " same command again to resume, or raise `max_time_s`"
             )
 
     def advance(self) -> list[int]:

@@ -86,7 +86,7 @@ def _name_edges(network: ImportedNetwork, names: Mapping[str, str]) -> dict[str,
 def _is_named_by_streets(network: ImportedNetwork) -> bool:
     """Return whether all edges are directions of streets, as in our own networks.
 
-    A single name tells nothing: foreign networks also have lower-case ids.
+    A single name is no evidence: foreign networks also have lower-case ids.
     """
     for edge in network.edges.values():
         try:

@@ -28,7 +28,7 @@ SHOP_SILL_M, TALL_SILL_M, SILL_M = 0.5, 0.15, 0.9
 """Heights of windows above the floor: of shops, above `TALL_WINDOW_M` of height, of others."""
 TALL_WINDOW_M = 2.0
 ROOM_ASIDE_M, ROOM_ABOVE_M = 0.3, 0.4
-"""Least margin of a room beside its window, up to 1 m more, and margin above it."""
+"""Least margin of a room next to its window, up to 1 m more, and margin above it."""
 ROOM_DEPTH_M, ROOM_DEPTH_SPREAD_M = 3.0, 3.0
 """Depth of the shallowest room, and how much deeper others are at most."""
 BLIND_STEPS = 8

@@ -172,7 +172,7 @@ def _draw_trip(
 ) -> PedestrianTrip:
     draw = create_generator(spec.seeds.traffic, "walker", number, *([redraws] if redraws else []))
     lane, start_m = starts[int(draw.integers(len(starts)))] if redraws else start
-    # People without a fraction are drawn first, for everyone, so fractions move nobody else.
+    # People without a fraction are drawn first, for everyone, so fractions move no other person.
     usual = [name for name, item in people.items() if item.fraction is None] or list(people)
     name = usual[draw.integers(len(usual))]
     name = draw_by_fraction(people, spec.seeds.traffic, "walker fraction", number) or name

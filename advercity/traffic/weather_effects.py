@@ -85,7 +85,7 @@ BEAM_HALF_ANGLE_RAD = math.radians(30.0)
 
 
 def may_use_high_beams(weather: Weather, land_use: Literal["urban", "rural"]) -> bool:
-    """Return whether high beams are permitted with nobody ahead: unlit roads on clear nights."""
+    """Return whether a free road permits high beams: unlit roads on clear nights."""
     return (
         weather.time == "night"
         and weather.lamps.low_beam
@@ -95,7 +95,7 @@ def may_use_high_beams(weather: Weather, land_use: Literal["urban", "rural"]) ->
 
 
 def light_high_beams(frame: Frame, fraction: float, *, seed: int) -> Frame:
-    """Light the high beams of moving vehicles with nobody to dazzle ahead.
+    """Light the high beams of moving vehicles that would dazzle no driver ahead.
 
     The limits are `DIP_FOR_ONCOMING_M` and `DIP_BEHIND_M`, for all vehicles and bicycles ahead;
     crossing ones count as oncoming. The same drivers use them in every frame.

@@ -22,7 +22,7 @@ KIND_COLOURS: dict[int, tuple[int, int, int]] = {
         if part.colour is not None
     },
 }
-"""Colours of the points of each kind; those of weather are in the records of its parts."""
+"""Colours of the points of each kind; parts of the weather have theirs in their records."""
 KIND_COLOUR_TABLE = np.zeros((256, 3), np.uint8)
 KIND_COLOUR_TABLE[list(KIND_COLOURS)] = list(KIND_COLOURS.values())
 

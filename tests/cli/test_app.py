@@ -10,6 +10,7 @@ import pytest
 from advercity_dsl import Spec
 
 from advercity.cli import doctor
+from advercity.cli.output import format_options
 from advercity.cli.progress import show_progress
 from advercity.compiler import write_specs
 from advercity.dataset.partial_files import lock_file
@@ -18,6 +19,8 @@ from advercity.pipeline import Progress
 from tests.command_line import Command
 
 RUN_MAIN = "from advercity.cli import main; main()"
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(
@@ -72,6 +75,15 @@ def test_a_bad_option_is_reported_and_leaves_nothing(
     assert message in ran.err
     assert len(ran.err.splitlines()) == 1
     assert not output.exists()
+
+
+def test_options_that_messages_name_are_flags() -> None:
+    """Messages quote the names of Python; words such as `raise` come before options."""
+    told = format_options("raise `max_memory_bytes` or `max_time_s`, with `schemas`, not `spec`")
+    assert told == "raise --max-memory or --max-time, with --schemas, not `spec`"
+    for path in (ROOT / "advercity" / "pipeline").glob("*.py"):
+        for name in re.findall(r"(?:raise|with|fewer|another) `([a-z_]+)`", path.read_text()):
+            assert format_options(f"`{name}`").startswith("--"), f"{path}: {name}"
 
 
 def test_more_processes_than_any_machine_has_are_refused(

@@ -31,7 +31,7 @@ def edited(library: Path, path: str, old: str, new: str) -> None:
 
 
 def select_road(library: Path, road: str) -> None:
-    """Select one road in the suite, which then may stage nothing on the others."""
+    """Select one road in the suite, without conflicts on the others."""
     edited(library, "suites/adver_city.yaml", "roads: all", f"roads: [{road}]")
     path = library / "suites/adver_city.yaml"
     others = rf"^  (?!{road}:)\w+: \[(?:ltap|ped|cyc|od)_.*\n"

@@ -105,7 +105,7 @@ def test_a_scenario_that_crashes_or_takes_too_much_memory_does_not_stop_the_othe
     assert [result.scenario for result in results] == [spec.id for spec in few]
     errors = sorted(str(result.error) for result in results if result.error)
     assert len(errors) == 2
-    assert "more than the 1.0 GB allowed for it; raise `max_memory`" in errors[0]
+    assert "more than the 1.0 GB allowed for it; raise `max_memory_bytes`" in errors[0]
     assert errors[1].startswith("worker process ended (killed by SIGSEGV) in starting 0")
     with pytest.raises(RunError, match="2 of 3 scenarios failed"):
         raise_failures(results)
@@ -241,7 +241,7 @@ def test_a_scenario_that_takes_too_long_is_killed_and_reported(
         listener=listener,
         resources=RunResources(limits=ResourceLimits(time_s=0.5)),
     )
-    with pytest.raises(RunError, match=r"took longer than 0:0.*`max_time`"):
+    with pytest.raises(RunError, match=r"took longer than 0:0.*`max_time_s`"):
         raise_failures(results)
     assert not (tmp_path / "output").exists()
 

@@ -54,7 +54,7 @@ class LidarWindow:
     ) -> "LidarWindow | None":
         """Build the window of a sensor by its coverage (front, side, rear); None if it is clean.
 
-        Front, side and rear are those of the carrier, from which a mount may turn the sensor.
+        Front, side and rear refer to the carrier, from which a mount may turn the sensor.
         """
         if not any(coverage):
             return None
