@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from advercity.pipeline.cache import TRAFFIC_CODE, WORLD_CODE
+
 ROOT = Path(__file__).parent.parent
 ROOMS = (
     (
@@ -147,3 +149,26 @@ def test_a_worker_loads_no_library_that_its_run_may_do_without() -> None:
     code = f"import sys, advercity.pipeline.worker_process; print({libraries} & {{*sys.modules}})"
     child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert child.stdout.strip() == "set()"
+
+
+@pytest.mark.parametrize("listed", [TRAFFIC_CODE, WORLD_CODE])
+def test_a_key_of_the_cache_covers_each_module_that_makes_its_entry(
+    listed: tuple[str, ...],
+) -> None:
+    users = [path for path in modules() if name_module(path) in listed]
+    imported = {name for path in users for name in list_imports(path)}
+    own = {".".join(name.split(".")[:2]) for name in imported if name.startswith("advercity.")}
+    assert {name for name in own if is_module(name)} <= {*listed}
+
+
+def name_module(path: Path) -> str:
+    """Name the package, or the module at the root, that a file is part of."""
+    if (ROOT / "dsl") in path.parents:
+        return "advercity_dsl"
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts[:2])
+
+
+def is_module(name: str) -> bool:
+    return (ROOT / name.replace(".", "/")).with_suffix(".py").exists() or (
+        ROOT / name.replace(".", "/")
+    ).is_dir()

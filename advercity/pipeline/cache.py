@@ -1,5 +1,7 @@
 """The folder of the cache, and the keys of its entries: digests of everything they depend on.
 
+An entry depends on the modules that make it and on those that they import. Others may change.
+
 The order of mappings counts, since streets and blueprints are drawn in it. Weathers of one road and
 density share a trace, which makes them pairs.
 """
@@ -13,8 +15,47 @@ from typing import Any
 from advercity_dsl import Spec
 
 from advercity.data_folder import report_missing_home
-from advercity.dataset.manifest import CODE_PACKAGES
 from advercity.digests import compute_json_digest, compute_source_digest
+
+TRAFFIC_CODE = (
+    "advercity_dsl",
+    "advercity.array_files",
+    "advercity.atomic_files",
+    "advercity.compiler",
+    "advercity.conflicts",
+    "advercity.data_folder",
+    "advercity.diagnostics",
+    "advercity.digests",
+    "advercity.documents",
+    "advercity.errors",
+    "advercity.foreign",
+    "advercity.frames",
+    "advercity.geometry",
+    "advercity.identity_cache",
+    "advercity.materials",
+    "advercity.output_files",
+    "advercity.physics",
+    "advercity.processes",
+    "advercity.randomness",
+    "advercity.recordings",
+    "advercity.roads",
+    "advercity.semantics",
+    "advercity.signal_heads",
+    "advercity.texture_packs",
+    "advercity.traffic",
+)
+"""Modules that make road networks and traces."""
+
+WORLD_CODE = (
+    *TRAFFIC_CODE,
+    "advercity.assets",
+    "advercity.image_files",
+    "advercity.material_maps",
+    "advercity.media",
+    "advercity.scene",
+    "advercity.world",
+)
+"""Modules that make worlds and bodies."""
 
 
 def find_cache_folder() -> Path:
@@ -33,19 +74,19 @@ def find_cache_folder() -> Path:
 def compute_road_key(spec: Spec) -> str:
     """Compute the key of a road network: code and road, without agents and traffic."""
     road = spec.road.model_dump(mode="json", exclude={"agents", "traffic", "trajectories"})
-    return _compute_key({"road": road})
+    return _compute_key(TRAFFIC_CODE, {"road": road})
 
 
 def compute_world_key(spec: Spec) -> str:
     """Compute the key of a world without bodies: code and road."""
     road = spec.road.model_dump(mode="json", exclude={"trajectories"})
-    return _compute_key({"road": road})
+    return _compute_key(WORLD_CODE, {"road": road})
 
 
 def compute_body_key(spec: Spec, name: str) -> str:
     """Compute the key of the body of a blueprint: code, blueprint and model."""
     blueprint = spec.blueprints[name].model_dump(mode="json")
-    return _compute_key({name: blueprint, "model": spec.assets.get(f"model/{name}")})
+    return _compute_key(WORLD_CODE, {name: blueprint, "model": spec.assets.get(f"model/{name}")})
 
 
 def compute_traffic_key(spec: Spec) -> str:
@@ -61,7 +102,7 @@ def compute_traffic_key(spec: Spec) -> str:
     for blueprint in data["blueprints"].values():
         for look in ("shape", "lamps", "model"):
             blueprint.pop(look, None)
-    return _compute_key({"seed": spec.seeds.traffic, **data})
+    return _compute_key(TRAFFIC_CODE, {"seed": spec.seeds.traffic, **data})
 
 
 @functools.cache
@@ -70,10 +111,10 @@ def find_sumo_version() -> str:
     return version("eclipse-sumo")
 
 
-def _compute_key(data: dict[str, Any]) -> str:
-    """Compute a key from data, the program's sources and SUMO's version."""
+def _compute_key(modules: tuple[str, ...], data: dict[str, Any]) -> str:
+    """Compute a key from the sources of modules, SUMO's version and data."""
     code = {
-        "code": compute_source_digest(*CODE_PACKAGES),
+        "code": compute_source_digest(*modules),
         "eclipse-sumo": find_sumo_version(),
     }
     return compute_json_digest({**code, **data}, sort_keys=False)

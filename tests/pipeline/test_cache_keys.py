@@ -28,7 +28,8 @@ def test_another_program_finds_no_entries(
 ) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "some_program", raising=False)
-    monkeypatch.setattr(cache, "CODE_PACKAGES", ("some_program",))
+    monkeypatch.setattr(cache, "TRAFFIC_CODE", ("some_program",))
+    monkeypatch.setattr(cache, "WORLD_CODE", ("some_program",))
     source = tmp_path / "some_program.py"
     keys: set[str] = set()
     for text in ("ONE = 1\n", "ONE = 2\n"):
@@ -67,10 +68,6 @@ def test_a_body_is_that_of_its_name_its_blueprint_and_its_model(spec: Spec) -> N
     assert len(keys | {compute_body_key(changed, other)}) == 4
     moved = spec.model_copy(update={"road": spec.road.model_copy(update={"id": "other"})})
     assert compute_body_key(moved, one) == compute_body_key(spec, one)
-
-
-def test_the_keys_cover_the_sources_of_all_packages() -> None:
-    assert set(cache.CODE_PACKAGES) == {"advercity", "advercity_dsl"}
 
 
 def test_a_trace_is_that_of_its_seed_and_not_of_its_weather(spec: Spec) -> None:
