@@ -11,6 +11,7 @@ from rich import progress as rich_progress
 
 from advercity.cli.output import end_status, format_options, print_remark, stderr_console
 from advercity.pipeline import Progress, ScenarioResult
+from advercity.pipeline.progress import PREPARATION
 from advercity.run_options import format_byte_size, format_duration
 
 
@@ -25,6 +26,7 @@ class ProgressView:
     ) -> None:
         self._bars, self._things, self._page = bars, things, page
         self._has_shown_address = False
+        self._told: set[str] = set()
         self._many = len(specs) > 1
         self._known = {spec.id: Progress(spec.id, "waiting") for spec in specs}
         self._over: dict[str, ScenarioResult | None] = {}
@@ -40,6 +42,7 @@ class ProgressView:
         with self._lock:
             self._known[progress.scenario] = progress
             self._show(progress)
+            self._tell_step(progress)
             if progress.address is not None and not self._has_shown_address:
                 self._show_address(progress.address)
             if progress.phase == "done":
@@ -55,6 +58,12 @@ class ProgressView:
             self._update_total()
             if self._many:
                 stderr_console.print(self._format_result(result), markup=False)
+
+    def _tell_step(self, progress: Progress) -> None:
+        """Print each step of preparation once: the first scenario takes longest."""
+        if progress.phase in PREPARATION and progress.phase not in self._told:
+            self._told.add(progress.phase)
+            print_remark(f"{progress.scenario}: {PREPARATION[progress.phase]}")
 
     def _show_address(self, address: str) -> None:
         self._has_shown_address = True

@@ -131,6 +131,8 @@ def estimate(specs: SpecArgument, options: RunOptions, as_json: JsonOption = Fal
         print_data(tables.format_columns(rows))
     for excess in found.describe_excess(options.folder):
         print_remark(f"run needs --allow-large: {excess}")
+    if found.errors:
+        raise RunError(*map(str, found.errors))
 
 
 @commands.command()

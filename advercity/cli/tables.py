@@ -7,10 +7,27 @@ from typing import Any
 from advercity.errors import escape_control_characters
 from advercity.pipeline.descriptions import Description
 
+MAX_WIDTH = 100
+"""Width of a table in characters; further columns follow below, next to the first one again."""
+
 
 def format_columns(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Format rows below their heads, numbers aligned to the right."""
-    columns = [_format_column(head, [row[head] for row in rows]) for head in rows[0]]
+    """Format rows below their heads, numbers aligned to the right, without empty columns."""
+    heads = [head for head in rows[0] if any(row[head] != "" for row in rows)]
+    first, *others = (_format_column(head, [row[head] for row in rows]) for head in heads)
+    parts = [[first]]
+    for column in others:
+        if len(parts[-1]) > 1 and _measure_width([*parts[-1], column]) > MAX_WIDTH:
+            parts.append([first])
+        parts[-1].append(column)
+    return "\n\n".join(map(_join_columns, parts))
+
+
+def _measure_width(columns: Sequence[Sequence[str]]) -> int:
+    return len("  ".join(column[0] for column in columns))
+
+
+def _join_columns(columns: Sequence[Sequence[str]]) -> str:
     return "\n".join("  ".join(row).rstrip() for row in zip(*columns, strict=True))
 
 

@@ -1,6 +1,7 @@
 """Plots of a dataset's statistics, with matplotlib from the extra `stats`."""
 
 from collections.abc import Iterable
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,11 @@ PIE_COLOURS = {
     "night": "dimgray",
 }
 """Colours of the original's charts."""
-OTHER_COLOUR = "plum"
+OTHER_COLOURS = (
+    *("plum", "sandybrown", "indianred", "yellowgreen", "slateblue", "hotpink", "sienna"),
+    *("mediumturquoise", "olive", "darkorange", "steelblue", "mediumpurple"),
+)
+"""Colours of weathers that the original lacks, in their order; beyond twelve they repeat."""
 PIE_TABLES = ("weather", "time_of_day")
 LOGARITHMIC_TABLES = (
     "vehicles_per_speed",
@@ -89,9 +94,13 @@ def make_figure() -> "Figure":
 
 def _draw_pie(axes: Any, table: StatisticsTable) -> None:
     names, counts = table.columns.values()
-    colours = [PIE_COLOURS.get(name, OTHER_COLOUR) for name in names]
-    labels = [_format_label(name) for name in names]
-    axes.pie(counts, labels=labels, colors=colours, autopct="%.1f %%", counterclock=False)
+    others = cycle(OTHER_COLOURS)
+    colours = [PIE_COLOURS.get(name) or next(others) for name in names]
+    wedges, *_ = axes.pie(counts, colors=colours, counterclock=False)
+    # Next to narrow wedges, labels would overlap.
+    percentages = 100 * np.array(counts) / max(1, sum(counts))
+    labels = [f"{_format_label(n)}: {p:.1f} %" for n, p in zip(names, percentages, strict=True)]
+    axes.legend(wedges, labels, loc="center left", bbox_to_anchor=(1, 0.5), frameon=False)
 
 
 def _draw_bars(axes: Any, table: StatisticsTable) -> None:
@@ -101,7 +110,8 @@ def _draw_bars(axes: Any, table: StatisticsTable) -> None:
     middle = np.array(positions) + step / 2 if _is_binned(first) else positions
     if not _is_number(positions):
         middle = np.arange(len(positions))
-        axes.set_xticks(middle, [_format_label(name) for name in positions])
+        labels = [_format_label(name) for name in positions]
+        axes.set_xticks(middle, labels, rotation=30, ha="right", rotation_mode="anchor")
     for number, (name, values) in enumerate(series):
         offset = (number - (len(series) - 1) / 2) * width
         axes.bar(np.asarray(middle, float) + offset, values, width, label=_format_label(name))
@@ -120,20 +130,18 @@ def _draw_lines(axes: Any, table: StatisticsTable) -> None:
         axes.plot(middle, values, marker="o", markersize=3, label=_format_label(name))
     axes.set_ylim(0, None)
     axes.set_xlabel(_format_label(first.removesuffix("_from")))
-    axes.set_ylabel("fraction")
+    # Two returns of a beam are two points, so their number per beam exceeds 1.
+    axes.set_ylabel("points per beam" if table.name == "echoes_by_range" else "fraction")
     axes.legend(fontsize="small")
 
 
 def _draw_visibility(axes: Any, table: StatisticsTable) -> None:
-    names = [_format_label(name) for name in table.columns["weather"]]
-    axes.barh(names, table.columns["mor_m"], color="slategray")
+    rows = zip(table.columns["weather"], table.columns["echoing_share"], strict=True)
+    labels = [f"{_format_label(name)}: {share:.0%}" for name, share in rows]
+    axes.barh(labels, table.columns["mor_m"], color="slategray")
+    axes.set_ylabel("weather: objects that return points")
     axes.set_xscale("log")
     axes.set_xlabel("meteorological optical range m")
-    notes = zip(table.columns["mor_m"], table.columns["echoing_share"], strict=True)
-    for row, (mor_m, fraction) in enumerate(notes):
-        text = f" {fraction:.0%} of objects return points"
-        axes.annotate(text, (mor_m, row), va="center", fontsize="small")
-    axes.margins(x=0.45)
 
 
 def _draw_polar(figure: "Figure", table: StatisticsTable) -> None:

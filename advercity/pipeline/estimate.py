@@ -18,7 +18,7 @@ from advercity_dsl import Spec
 
 from advercity.atomic_files import resolve_links
 from advercity.dataset.manifest import Manifest
-from advercity.errors import AdvercityError, InputError
+from advercity.errors import AdvercityError, InputError, RunError
 from advercity.pipeline.cache import compute_traffic_key
 from advercity.pipeline.machine import (
     count_usable_cores,
@@ -167,11 +167,13 @@ class RunEstimate:
         estimates: One per scenario.
         jobs: Worker processes at a time.
         limits: Limits beyond which something is wrong with a scenario, even on a busy machine.
+        errors: Failed traffic simulations; their scenarios have no estimate.
     """
 
     estimates: tuple[ScenarioEstimate, ...]
     jobs: int
     limits: ResourceLimits = field(default_factory=ResourceLimits)
+    errors: tuple[AdvercityError, ...] = ()
 
     @property
     def total(self) -> ScenarioEstimate:
@@ -260,11 +262,15 @@ def estimate_run(
 
     Raises:
         InputError: An option does not fit.
-        RunError: The traffic simulation fails.
+        RunError: The traffic simulation of every scenario fails.
     """
     options = resolve_backend(options)
+    failed: dict[str, AdvercityError] = {}
     if simulate:
-        _simulate_missing_traffic(specs, options.jobs or count_usable_cores())
+        failed = _simulate_missing_traffic(specs, options.jobs or count_usable_cores())
+        specs = [spec for spec in specs if compute_traffic_key(spec) not in failed]
+        if not specs:
+            raise RunError(*map(str, failed.values()))
     profile = resolve_requested_profile(options)
     records = load_records(
         backend=options.backend, renderer=profile.renderer, format=options.format
@@ -276,7 +282,8 @@ def estimate_run(
         for spec, work, rate in zip(specs, works, rates, strict=True)
     )
     worker_count = options.jobs or choose_worker_count(estimates)
-    return RunEstimate(estimates, worker_count, _choose_limits(estimates, works, profile))
+    limits = _choose_limits(estimates, works, profile)
+    return RunEstimate(estimates, worker_count, limits, tuple(failed.values()))
 
 
 def _choose_limits(
@@ -348,15 +355,24 @@ def check_resources(specs: Sequence[Spec], options: RunOptions, *, is_local: boo
     return RunResources(estimate.jobs, limits)
 
 
-def _simulate_missing_traffic(specs: Sequence[Spec], jobs: int) -> None:
-    """Simulate the missing traffic of specs, shared traffic once."""
+def _simulate_missing_traffic(specs: Sequence[Spec], jobs: int) -> dict[str, AdvercityError]:
+    """Simulate the missing traffic of specs, shared traffic once; return errors by traffic key."""
     wanted = {
         compute_traffic_key(spec): spec
         for spec in specs
         if _count_actor_ticks(spec) <= MAX_ACTOR_TICKS
     }
+    failed: dict[str, AdvercityError] = {}
+
+    def simulate(key: str) -> None:
+        try:
+            load_or_simulate_traffic(wanted[key])
+        except AdvercityError as error:
+            failed[key] = error
+
     with ThreadPoolExecutor(jobs) as pool:
-        list(pool.map(load_or_simulate_traffic, wanted.values()))
+        list(pool.map(simulate, wanted))
+    return failed
 
 
 def _count_actor_ticks(spec: Spec) -> int:

@@ -28,6 +28,12 @@ class Progress:
     address: str | None = None
 
 
+PREPARATION = {
+    "traffic": "simulate the traffic, or load it",
+    "world": "build the world and its bodies, or load them",
+    "renderer": "open the renderer",
+}
+"""Steps before the first frame, by phase, in their order."""
 ProgressCallback = Callable[[Progress], None]
 """Called repeatedly while a scenario is being made."""
 

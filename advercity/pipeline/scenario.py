@@ -108,6 +108,7 @@ def run_scenario(
     # Refuses a second run before the traffic, which may take minutes.
     with lock_scenario(options.folder / spec.id):
         prepared = prepare_scenario(spec, options, report)
+    report(Progress(spec.id, "world"))
     writer = ScenarioWriter(
         options.folder, spec, prepared.identity, length=prepared.frame_count, fresh=options.fresh
     )
@@ -173,12 +174,12 @@ def _make_missing_frames(
     if not missing:
         return
 
-    def report_count(count: int) -> None:
+    def report_count(count: int, phase: str = "frames") -> None:
         done = total - len(missing) + count
-        report(Progress(prepared.spec.id, "frames", done, total, writer.size_bytes))
+        report(Progress(prepared.spec.id, phase, done, total, writer.size_bytes))
 
     prepared.load_world()  # into the cache, before other workers join and load it
-    report_count(0)
+    report_count(0, "renderer")
     with share_frames(len(missing)):
         _make_claimed_frames(prepared, missing, writer, report_count)
 
@@ -215,7 +216,10 @@ def _make_and_record(
 ) -> None:
     """Show the requested frames in order: finished ones from files, others when captured."""
     stored, done = Scenario(writer.scenario), writer.done_frames
-    sensing = nullcontext() if done.issuperset(prepared.frames) else open_sensors(prepared)
+    is_complete = done.issuperset(prepared.frames)
+    if not is_complete:
+        report(Progress(prepared.spec.id, "renderer"))
+    sensing = nullcontext() if is_complete else open_sensors(prepared)
     with open_background_writer() as background, sensing as sensors:
         for count, index in enumerate(prepared.frames):
             total, size_bytes = len(prepared.frames), writer.size_bytes

@@ -343,8 +343,8 @@ class _PooledScenario:
 
     @property
     def has_begun(self) -> bool:
-        """Whether the opening worker has begun to make frames."""
-        return self._opener.last.phase in ("frames", "done")
+        """Whether the opening worker has opened the dataset."""
+        return self._opener.last.phase in ("renderer", "frames", "done")
 
     @property
     def unclaimed_frames(self) -> int:

@@ -7,6 +7,7 @@ from pydantic import Field, field_validator, model_validator
 
 from advercity_dsl.base import CompactModel, InvalidCombination, Items
 from advercity_dsl.sampling import Sampled
+from advercity_dsl.sun_position import is_date_alone
 from advercity_dsl.units import Decibels, Degrees, Hertz, Metres, Number, RangeReason, Seconds
 
 ConstellationName = Literal["gps", "galileo", "glonass", "beidou"]
@@ -64,6 +65,8 @@ class SatelliteReceiver(CompactModel):
             has_offset = datetime.fromisoformat(text).tzinfo is not None
         except ValueError as error:
             raise ValueError(f"'{text}' is no time; write e.g. 2024-06-21T12:00:00") from error
+        if is_date_alone(text):
+            raise ValueError(f"'{text}' is a date without a time; add one, as in {text}T12:00:00")
         if has_offset:
             raise ValueError(f"'{text}' has an offset; write the time in UTC without one")
         return text

@@ -6,7 +6,7 @@ The low-precision formulas of the Astronomical Almanac as Michalsky gives them (
 
 import math
 import re
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import UTC, date, datetime, timedelta, timezone
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError, available_timezones
 
 from advercity_dsl.base import suggest_name
@@ -47,11 +47,23 @@ def parse_time(text: str, lon_deg: float) -> datetime:
         time = datetime.fromisoformat(written)
     except ValueError:
         raise TimeError(f"'{text}' is not a time", _HINT) from None
+    if is_date_alone(written):
+        hint = f"add one, as in {time.date()}T16:30"
+        raise TimeError(f"'{text}' is a date without a time", hint)
     if zone is not None:
         return _place_in_zone(time, zone)
     if time.tzinfo is None:
         time = time.replace(tzinfo=timezone(timedelta(hours=round(lon_deg / 15.0))))
     return time
+
+
+def is_date_alone(text: str) -> bool:
+    """Return whether a text is a date of ISO 8601 alone, which Python takes for midnight."""
+    try:
+        date.fromisoformat(text)
+    except ValueError:
+        return False
+    return True
 
 
 def is_without_zone(text: str) -> bool:

@@ -292,6 +292,21 @@ def test_progress_says_once_where_the_live_view_is_and_how_to_open_it(
     ]
 
 
+def test_a_run_tells_each_step_before_the_first_frame_once(
+    specs: dict[str, Spec], capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second = (specs[f"rcnj_{name}_sparse"] for name in ("fog_day", "clear_day"))
+    with show_progress([first, second]) as view:
+        for spec in (first, second):
+            for phase in ("traffic", "world", "renderer", "frames"):
+                view.on_progress(Progress(spec.id, phase))
+    assert capsys.readouterr().err.splitlines() == [
+        f"{first.id}: simulate the traffic, or load it",
+        f"{first.id}: build the world and its bodies, or load them",
+        f"{first.id}: open the renderer",
+    ]
+
+
 def test_the_command_line_answers_without_loading_what_renders() -> None:
     code = (
         "import sys, advercity.cli;"

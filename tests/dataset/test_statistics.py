@@ -1,6 +1,7 @@
 """Statistics of a small dataset, as tables and as plots."""
 
 import csv
+import itertools
 import sys
 from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
@@ -183,6 +184,28 @@ def test_every_table_is_a_csv_and_all_but_one_a_plot(
         assert image is not None
         # Axes and texts are grey; what is drawn of the data is not.
         assert (np.ptp(image.astype(int), axis=2) > 30).sum() > 100, path.name
+
+
+def test_weathers_of_ones_own_have_colours_of_their_own_and_labels_apart() -> None:
+    names = ["clear", "own_mist", "my_snow", "sandstorm", "fog"]
+    table = StatisticsTable("weather", "Frames", {"weather": names, "frames": [95, 2, 1, 1, 1]})
+    figure = draw_table(table)
+    (axes,) = figure.axes
+    assert len({patch.get_facecolor() for patch in axes.patches}) == len(names)
+    figure.draw_without_rendering()
+    legend = axes.get_legend()
+    assert legend is not None
+    texts = legend.get_texts()
+    assert [text.get_text() for text in texts][:2] == ["clear: 95.0 %", "own mist: 2.0 %"]
+    boxes = [text.get_window_extent() for text in texts]
+    assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+
+
+def test_points_per_beam_are_no_fraction() -> None:
+    """Two returns of a beam give up to two points."""
+    columns = {"distance_m_from": [0, 10], "clear": [1.1, 0.4]}
+    (axes,) = draw_table(StatisticsTable("echoes_by_range", "Points", columns)).axes
+    assert axes.get_ylabel() == "points per beam"
 
 
 def test_a_plot_of_no_classes_has_no_bars() -> None:

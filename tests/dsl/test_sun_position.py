@@ -71,6 +71,8 @@ def test_legal_noon_of_madrid_is_hours_before_the_suns() -> None:
         ("2025-03-30T02:30 Europe/Madrid", "clocks of Europe/Madrid change"),
         ("2025-10-26T02:30 Europe/Madrid", "give the offset instead"),
         ("noon Europe/Madrid", "is not a time"),
+        ("2025-06-21", "a date without a time; add one, as in 2025-06-21T16:30"),
+        ("20250621 Europe/Madrid", "a date without a time; add one, as in 2025-06-21T16:30"),
     ],
 )
 def test_a_time_of_no_zone_is_refused(at: str, message: str) -> None:

@@ -15,10 +15,11 @@ from advercity_dsl import Spec
 from advercity.compiler import with_digest
 from advercity.dataset.reader import Scenario
 from advercity.dataset.writer import ScenarioWriter
-from advercity.errors import InputError
+from advercity.errors import InputError, RunError, StagingError
 from advercity.pipeline import (
     RunOptions,
     RunResources,
+    estimate,
     raise_failures,
     run_records,
     run_scenarios,
@@ -152,6 +153,29 @@ def test_an_estimate_is_within_a_factor_of_two_of_what_comes_out(
     assert 0.5 < expected.memory_bytes / result.peak_memory_bytes < 2.0
     (left,) = estimate_run([spec], options, simulate=False).estimates
     assert (left.frames, left.size_bytes, left.time_s) == (0, 0, 0.0)
+
+
+def test_scenarios_whose_traffic_fails_are_named_next_to_the_estimates_of_the_others(
+    few: list[Spec],
+    options: OptionsFor,
+    records: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    broken = few[0].model_copy(
+        update={"id": "broken", "seeds": few[0].seeds.model_copy(update={"traffic": 7})}
+    )
+
+    def simulate(spec: Spec) -> None:
+        if spec.id == "broken":
+            raise StagingError("broken: nowhere to stop")
+
+    monkeypatch.setattr(estimate, "load_or_simulate_traffic", simulate)
+    found = estimate_run([*few, broken], options(tmp_path))
+    assert [item.scenario for item in found.estimates] == [spec.id for spec in few]
+    assert list(map(str, found.errors)) == ["broken: nowhere to stop"]
+    with pytest.raises(RunError, match="nowhere to stop"):
+        estimate_run([broken], options(tmp_path))
 
 
 def test_without_a_comparable_run_the_time_is_unknown_and_the_rest_an_upper_bound(

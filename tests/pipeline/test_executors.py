@@ -203,6 +203,8 @@ def test_several_workers_make_one_scenario_with_the_bytes_of_a_single_one(
     assert result.size_bytes == Manifest.load(tmp_path / "three" / few[0].id).size_bytes
     assert tree(tmp_path / "three") == tree(tmp_path / "one")
     assert sorted(path.read_text() for path in seen.iterdir()) == ["4", "7", "9"]
+    phases = list(dict.fromkeys(progress.phase for progress in listener.progress))
+    assert phases == ["traffic", "world", "renderer", "frames", "done"]
     seen_progress = [progress for progress in listener.progress if progress.phase == "frames"]
     assert all(progress.done <= progress.total == 6 for progress in seen_progress)
 
