@@ -78,6 +78,7 @@ def build_blueprint(
                 name=agent.id,
             )
             for agent, its_own in zip(agents, pictures, strict=True)
+            if its_own
         ),
         _build_motion_plots(dict.fromkeys([*MOTION, *(one.quantity for one in curves)])),
         _build_weather_plots(),

@@ -1,8 +1,11 @@
 from pathlib import Path
+from typing import Any
 
 import pytest
 from advercity_dsl import Suite, Typology
 from advercity_dsl.suite import Coverage, Selection
+from hypothesis import given
+from hypothesis import strategies as st
 
 from advercity.compiler import find_shipped_library, load_library, validate_paths
 from advercity.compiler.suites import find_required_categories, is_selected
@@ -51,6 +54,65 @@ def test_required_kinds_of_roads_are_those_of_the_paper(library: Path) -> None:
         "opposite_direction": ["rural non_junction curved", "rural non_junction straight"],
         "crossing_paths": ["rural intersection", "urban intersection"],
     }
+
+
+FIGURE = st.integers(1, 3)
+"""As few values that a figure often equals its threshold."""
+
+
+@pytest.fixture(scope="module")
+def pedestrian(library: Path) -> dict[str, Any]:
+    """The fields of the group of crashes with pedestrians."""
+    return load_library(library).get_declarations(Typology)["pedestrian"].model_dump()
+
+
+def vary(known: dict[str, Any], **parts: dict[str, Any]) -> Typology:
+    """Change figures of a group."""
+    return Typology.model_validate(known | {key: known[key] | part for key, part in parts.items()})
+
+
+@given(figures=st.tuples(FIGURE, FIGURE, FIGURE), least=st.tuples(FIGURE, FIGURE, FIGURE))
+@pytest.mark.parametrize("external_entity", [True, False])
+def test_a_group_is_selected_if_its_figures_reach_all_thresholds(
+    pedestrian: dict[str, Any],
+    external_entity: bool,
+    figures: tuple[int, int, int],
+    least: tuple[int, int, int],
+) -> None:
+    names = ("vehicles_per_crash", "fatality_rate_percent", "bad_visibility_percent")
+    statistics = {"external_entity": external_entity, **dict(zip(names, figures, strict=True))}
+    group = vary(pedestrian, statistics=statistics)
+    rule = Selection.model_validate(dict(zip(names, least, strict=True)))
+
+    partner, *others = (one >= limit for one, limit in zip(figures, least, strict=True))
+    assert is_selected(group, rule) == ((external_entity or partner) and all(others))
+
+
+@given(percent=st.tuples(*[FIGURE] * 6), least=st.tuples(FIGURE, FIGURE, FIGURE))
+def test_roads_are_required_of_all_features_that_reach_their_thresholds(
+    pedestrian: dict[str, Any], percent: tuple[int, ...], least: tuple[int, int, int]
+) -> None:
+    urban, rural, intersection, non_junction, non_level, curved = percent
+    uses = {"urban": urban, "rural": rural}
+    places = {"intersection": intersection, "non_junction": non_junction}
+    shape = {"non_level": non_level, "curved": curved}
+    roads: dict[str, Any] = {f"{name}_percent": value for name, value in (uses | shape).items()}
+    roads["junctions"] = [{"junction": name, "percent": places[name]} for name in places]
+    group = vary(pedestrian, roads=roads)
+    land_use, junction, geometry = least
+    rule = Coverage(land_use_percent=land_use, junction_percent=junction, geometry_percent=geometry)
+
+    geometries = ("straight", "curved") if max(non_level, curved) >= geometry else (None,)
+    expected = {
+        (use, place, bend)
+        for use in uses
+        for place in places
+        for bend in geometries
+        if uses[use] >= land_use and places[place] >= junction
+    }
+    found = find_required_categories(group, rule)
+    assert {(one.land_use, one.junction, one.geometry) for one in found} == expected
+    assert len(found) == len(expected)
 
 
 def test_an_unknown_name_is_reported_with_the_most_similar_one(write: Write) -> None:

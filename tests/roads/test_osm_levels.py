@@ -166,3 +166,19 @@ def test_a_lanelet2_map_is_no_extract(tmp_path: Path) -> None:
 
     with pytest.raises(InputError, match=r"town\.osm: is a Lanelet2 map; say `source: lanelet2`"):
         import_map(MapFile(source="osm", file="town.osm"), road, tmp_path)
+
+
+@pytest.mark.parametrize(("apart_m", "is_lifted"), [(0.4, False), (0.7, True)])
+def test_ways_that_also_cross_within_half_a_metre_of_their_junction_meet_there(
+    apart_m: float, is_lifted: bool, tmp_path: Path
+) -> None:
+    # The upper street leaves the junction to one side and comes back over the lower one.
+    upper: Way = (
+        "Upper",
+        [(0, -400), (0, 0), (apart_m - 0.05, 0.05), (apart_m + 0.05, -0.05), (30, -100)],
+        {"layer": "1"},
+    )
+    network = import_ways(tmp_path, ("Lower", [(-300, 0), (0, 0), (300, 0)], {}), upper)
+
+    height_m = max(lane.shape[:, 2].max() for lane in list_streets(network))
+    assert (height_m > 1) == is_lifted
