@@ -18,7 +18,7 @@ from measurement import Measurement, cpu_with_children_s, format_table
 
 from advercity.compiler import read_spec, with_digest
 from advercity.exports.exporting import export_dataset
-from advercity.exports.registry import CORE_FORMATS
+from advercity.exports.registry import load_export_formats
 from advercity.pipeline import RunOptions, run_scenario
 from advercity.testing import with_small_sensors
 
@@ -36,7 +36,7 @@ def run_benchmark(*, quick: bool) -> list[Measurement]:
             if quick
             else _run(small, folder, frames=200, backend="fake")
         )
-        return [_measure_export(one, folder, dataset, run_s) for one in CORE_FORMATS]
+        return [_measure_export(one, folder, dataset, run_s) for one in load_export_formats().found]
 
 
 def _measure_export(name: str, folder: Path, dataset: Path, run_s: float) -> Measurement:

@@ -7,17 +7,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from advercity_benchmark.predictions import (
+    FramePredictions,
+    load_predictions,
+    write_predictions,
+)
+from advercity_benchmark.truth import load_frame_truth
 from advercity_dsl import MapFile, Road
 from advercity_dsl.road import MapSource
 from fuzz_files import damage_file, read_tree, run_command, write_tree
 from mutations import choose, damage_attributes, time_limit
 
-from advercity.benchmark.predictions import (
-    FramePredictions,
-    load_predictions,
-    write_predictions,
-)
-from advercity.benchmark.truth import load_frame_truth
 from advercity.compiler.recorded_roads import load_recorded_scenario, load_recorded_table
 from advercity.dataset.reader import Dataset
 from advercity.errors import AdvercityError

@@ -31,7 +31,7 @@ from pathlib import Path
 from advercity.cli import main as main_of_advercity
 from advercity.dataset.verification import verify_dataset
 from advercity.exports.export_folder import is_export, verify_export
-from advercity.exports.registry import CORE_FORMATS
+from advercity.exports.registry import load_export_formats
 
 DATASET, OUTPUT = "DATASET", "OUTPUT"
 """What stands for the folder of the undisturbed run, and for the one that a command writes."""
@@ -56,7 +56,7 @@ def main() -> int:
     """Run, kill, compare; 1 if anything differs."""
     arguments = _arguments()
     for name in ("kitti", "nuscenes", "mcap", "openscenario", "webdataset"):
-        CORE_FORMATS[name].load()  # once, rather than in every process
+        load_export_formats().found[name].load()  # once, rather than in every process
     moments = random.Random(arguments.seed)
     with tempfile.TemporaryDirectory() as folder:
         dataset = Path(folder) / "dataset"

@@ -48,7 +48,7 @@ ROOMS = (
     ("sensors",),
     ("channel",),
     ("dataset",),
-    ("viewer", "study", "benchmark"),
+    ("viewer",),
     ("pipeline",),
     ("exports",),
     ("api", "testing"),
@@ -60,9 +60,14 @@ LAYERS = {
 }
 """Imports run from a higher layer to a lower one, never back."""
 
+DISTRIBUTIONS = sorted(path.parent for path in ROOT.glob("packages/*/pyproject.toml"))
+"""Distributions beside the core, which finds them by their entry points."""
 
-def modules() -> list[Path]:
-    return sorted([*(ROOT / "advercity").rglob("*.py"), *(ROOT / "dsl").rglob("*.py")])
+
+def modules(folder: Path | None = None) -> list[Path]:
+    """List the modules of a distribution; without one, of the core."""
+    folders = [folder] if folder else [ROOT / "advercity", ROOT / "dsl"]
+    return sorted(path for one in folders for path in one.rglob("*.py"))
 
 
 def part_of(module: str) -> str:
@@ -93,6 +98,13 @@ def test_imports_run_one_way(path: Path) -> None:
             assert LAYERS[other] <= LAYERS[own], f"{own} must not import {name}"
 
 
+@pytest.mark.parametrize("folder", [ROOT / "advercity", *DISTRIBUTIONS], ids=lambda path: path.name)
+def test_a_distribution_imports_the_core_alone(folder: Path) -> None:
+    own = {path.name for path in folder.iterdir()} | {"advercity", "advercity_dsl"}
+    found = {name.split(".")[0] for path in modules(folder) for name in list_imports(path)}
+    assert {name for name in found if name.startswith("advercity")} <= own
+
+
 @pytest.mark.parametrize(
     ("library", "home"),
     [
@@ -114,18 +126,22 @@ def test_each_engine_has_one_home(library: str, home: set[str]) -> None:
     assert users <= home
 
 
-def list_requirements() -> set[str]:
-    """List the distributions that the core and its extras require."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    listed = [*project["dependencies"], *chain(*project["optional-dependencies"].values())]
+def list_requirements(folder: Path) -> set[str]:
+    """List the distributions that one and its extras require."""
+    project = tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+    extras = project.get("optional-dependencies", {})
+    listed = [*project["dependencies"], *chain(*extras.values())]
     return {re.split(r"[^\w-]", item)[0].lower().replace("_", "-") for item in listed}
 
 
-def test_each_imported_package_is_required() -> None:
+@pytest.mark.parametrize("folder", [ROOT, *DISTRIBUTIONS], ids=lambda path: path.name)
+def test_each_imported_package_is_required(folder: Path) -> None:
     """Packages of the development environment are not on a user's machine."""
-    owners, required = packages_distributions(), list_requirements()
-    imported = {name.split(".")[0] for path in modules() for name in list_imports(path)}
-    others = imported - {"advercity", "advercity_dsl"} - sys.stdlib_module_names
+    owners, required = packages_distributions(), list_requirements(folder)
+    paths = modules(None if folder == ROOT else folder)
+    imported = {name.split(".")[0] for path in paths for name in list_imports(path)}
+    own = {"advercity", "advercity_dsl", *(path.name for path in folder.iterdir())}
+    others = imported - own - sys.stdlib_module_names
     with_others = {"annotated_types", "pydantic_core", "pyoidn"}  # of pydantic, and of backends
     missing = {
         name

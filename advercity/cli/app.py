@@ -7,10 +7,10 @@ from typer.core import TyperCommand, TyperGroup
 
 from advercity.cli import authoring, datasets, running
 from advercity.cli.assets import assets
-from advercity.cli.benchmark import benchmark
 from advercity.cli.cache import cache
 from advercity.cli.importing import imports
 from advercity.cli.library import library
+from advercity.cli.other_commands import check_other_command, load_command_sets
 from advercity.cli.output import exit_with_error, print_data, show_status
 from advercity.errors import InputError, RunError
 
@@ -36,11 +36,18 @@ class StatusCommand(TyperCommand):
             return super().invoke(ctx)
 
 
+def set_status_commands(group: typer.Typer) -> None:
+    """Let the commands of a group show their names while they run."""
+    for command in group.registered_commands:
+        command.cls = StatusCommand
+
+
 class RootGroup(TyperGroup):
     """Lists commands by purpose, and answers an old name with the new one."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands below the heads of their panels."""
+        self._add_other_commands()
         width = max(map(len, self.commands))
         panels: dict[str, list[tuple[str, str]]] = {}
         for name, command in self.commands.items():
@@ -55,7 +62,19 @@ class RootGroup(TyperGroup):
         """Find the command named by the arguments."""
         if args[0] in RENAMED_COMMANDS:
             raise InputError(f"{args[0]} is now {RENAMED_COMMANDS[args[0]]}")
+        if args[0] not in self.commands:
+            self._add_other_commands()
+            check_other_command(args[0])
         return super().resolve_command(ctx, args)
+
+    def _add_other_commands(self) -> None:
+        """Add commands of other distributions; to look for them takes a while."""
+        for one in load_command_sets().found.values():
+            if one.name not in self.commands:
+                set_status_commands(one.commands)
+                command = typer.main.get_command(one.commands)
+                vars(command)["rich_help_panel"] = one.panel
+                self.commands[one.name] = command
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
@@ -110,13 +129,11 @@ for panel, part in PANELS.items():
 GROUPS = (
     (imports, "Author"),
     (library, "Author"),
-    (benchmark, "Dataset"),
     (assets, "Machine"),
     (cache, "Machine"),
 )
 for group, panel in GROUPS:
-    for command in group.registered_commands:
-        command.cls = StatusCommand
+    set_status_commands(group)
     app.add_typer(group, rich_help_panel=panel)
 
 

@@ -15,20 +15,6 @@ if TYPE_CHECKING:
     from advercity.dataset.verification import FileProblem
 
 commands = typer.Typer()
-EXPORT_FORMAT_NAMES = (
-    "adver_city",
-    "calibration",
-    "coco",
-    "croissant",
-    "kitti",
-    "mcap",
-    "nuscenes",
-    "openlabel",
-    "openscenario",
-    "osi",
-    "v2xr",
-    "webdataset",
-)
 
 
 @commands.command()
@@ -101,7 +87,7 @@ def _verify_export(folder: Path) -> None:
 
 @commands.command()
 def export(
-    format: Annotated[str, typer.Argument(help=f"{', '.join(EXPORT_FORMAT_NAMES)}.")],
+    format: Annotated[str, typer.Argument(help="Format, such as coco or nuscenes.")],
     dataset: DatasetArgument,
     output: Annotated[Path, typer.Option(help="Folder of the export.")],
     fresh: Annotated[
@@ -200,44 +186,6 @@ def stats(
     write_tables(found, output)
     write_plots(found, output)
     print_unread(dataset, layout)
-    print_data(str(output))
-
-
-@commands.command()
-def study(
-    recordings: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="[NAME=]FOLDER...",
-            help="Datasets, folders of KITTI, nuScenes, CADC, Boreas, ACDC, or of pictures.",
-        ),
-    ],
-    output: Annotated[
-        Path, typer.Option(help="Folder for tables and plots.", file_okay=False)
-    ] = Path("study"),
-    network: Annotated[
-        str, typer.Option(help="efficientnet-lite0, or an ONNX file with other features.")
-    ] = "efficientnet-lite0",
-    limit: Annotated[
-        int, typer.Option(min=4, help="Pictures and LiDAR sweeps of each folder at most.")
-    ] = 200,
-) -> None:
-    """Compare datasets with real recordings.
-
-    Pictures by features of a network, LiDAR sweeps by statistics.
-    """
-    from advercity.output_files import check_is_outside_scenarios
-    from advercity.study.recordings import open_recordings
-    from advercity.study.report import write_study
-
-    check_is_outside_scenarios(output)
-    opened = [recording.thin(limit) for recording in open_recordings(recordings)]
-    for recording in opened:
-        print_remark(
-            f"{recording.name}: {recording.layout}, {len(recording.picture_loaders)} pictures,"
-            f" {len(recording.sweep_loaders)} sweeps"
-        )
-    write_study(opened, output, network=network)
     print_data(str(output))
 
 

@@ -19,6 +19,7 @@ from advercity.assets.catalogue import load_catalogue_blueprints
 from advercity.assets.model_store import open_model_store
 from advercity.assets.package_folders import DIGEST_FILE, is_damaged, is_unpacked
 from advercity.assets.texture_store import describe_package, open_texture_store
+from advercity.cli.other_commands import load_command_sets
 from advercity.errors import AdvercityError, RunError
 from advercity.exports.registry import load_export_formats
 from advercity.pipeline.cache import find_cache_folder
@@ -54,9 +55,10 @@ def _run_checks() -> Iterator[CheckResult]:
         yield "backend mitsuba", True, _NO_MITSUBA
     for package in ("embreex", "rerun-sdk", "opencv-python-headless"):
         yield package, True, version(package)
-    yield from _check_others("sensor", load_sensor_kinds())
+    yield from _check_others("sensors", load_sensor_kinds())
     yield from _check_others("weather", load_weather_parts())
-    yield from _check_others("format", load_export_formats())
+    yield from _check_others("formats", load_export_formats())
+    yield from _check_others("commands", load_command_sets())
     yield from _check_packages()
     yield _run_check("cache", _check_cache)
 
@@ -86,9 +88,14 @@ def _check_backend(name: str) -> str:
 
 def _check_others(title: str, found: Registered[Any]) -> Iterator[CheckResult]:
     """Check the records of one sort that other distributions register."""
+    working: dict[str, list[str]] = {}
     for name, distribution in found.distributions.items():
-        reason = found.broken.get(name)
-        yield f"{title} {name}", reason is None, reason or f"{distribution} {version(distribution)}"
+        if name in found.broken:
+            yield f"{title} {name}", False, found.broken[name]
+        else:
+            working.setdefault(distribution, []).append(name)
+    for distribution, names in working.items():
+        yield title, True, f"{', '.join(names)} of {distribution} {version(distribution)}"
 
 
 def _check_packages() -> Iterator[CheckResult]:

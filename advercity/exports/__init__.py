@@ -1,1 +1,1 @@
-"""Exports of datasets to other formats: `advercity export`."""
+"""Exports of datasets: formats by name, and the folders they are written to."""

@@ -9,14 +9,13 @@ from advercity_dsl.base import is_empty
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from advercity import __version__
-from advercity.dataset.manifest import CODE_PACKAGES
 from advercity.dataset.partial_files import FileRecord
 from advercity.dataset.reader import Dataset
 from advercity.dataset.scenario_folders import EXPORT_FILE
-from advercity.digests import compute_source_digest
 from advercity.documents import MAX_JSON_BYTES, parse_json, read_bytes
 from advercity.errors import RunError, describe_cause
 from advercity.exports.pieces import PATH_PATTERN
+from advercity.exports.registry import find_export_format
 
 OTHER_SOURCE_HINT = "`fresh` starts over, another `output` leaves it alone"
 
@@ -82,7 +81,7 @@ class ExportManifest(Model):
             format=format,
             options=options,
             version=__version__,
-            code_sha256=compute_source_digest(*CODE_PACKAGES),
+            code_sha256=find_export_format(format).compute_code_digest(),
             scenarios={
                 one.path.name: hashlib.sha256(
                     one.manifest.identity.model_dump_json().encode()

@@ -1,7 +1,7 @@
 """The formats for exports of datasets, by name.
 
-Another distribution registers its `ExportFormat`, under the format's name, as an entry point of the
-group `advercity.exports`.
+A distribution registers its `ExportFormat`, under the format's name, as an entry point of the group
+`advercity.exports`. The usual formats are in the distribution advercity-exports.
 """
 
 import difflib
@@ -11,7 +11,9 @@ from functools import cache
 
 from advercity_dsl.registry import Registered, load_named, load_registered
 
+from advercity.dataset.manifest import CODE_PACKAGES
 from advercity.dataset.reader import Dataset
+from advercity.digests import compute_source_digest
 from advercity.errors import InputError
 from advercity.exports.pieces import Piece
 
@@ -41,6 +43,10 @@ class ExportFormat:
         lister: PieceLister = load_named(self.lister)
         return lister
 
+    def compute_code_digest(self) -> str:
+        """Compute the SHA-256 of the sources that write the format."""
+        return compute_source_digest(*CODE_PACKAGES, self.lister.partition(".")[0])
+
     def complete_options(self, given: Mapping[str, str | None]) -> dict[str, str]:
         """Complete options by their defaults, also in place of None.
 
@@ -59,32 +65,10 @@ class ExportFormat:
         return chosen
 
 
-_HERE = "advercity.exports"
-CORE_FORMATS = {
-    one.name: one
-    for one in (
-        ExportFormat("adver_city", f"{_HERE}.adver_city:list_pieces"),
-        ExportFormat("calibration", f"{_HERE}.calibration:list_pieces"),
-        ExportFormat("coco", f"{_HERE}.coco:list_pieces"),
-        ExportFormat("croissant", f"{_HERE}.croissant:list_pieces"),
-        ExportFormat("kitti", f"{_HERE}.kitti:list_pieces"),
-        ExportFormat(
-            "mcap", f"{_HERE}.mcap_recording:list_pieces", {"schemas": ("foxglove", "ros2")}
-        ),
-        ExportFormat("nuscenes", f"{_HERE}.nuscenes:list_pieces", {"key_frames": ("all", "2hz")}),
-        ExportFormat("openlabel", f"{_HERE}.openlabel:list_pieces"),
-        ExportFormat("openscenario", f"{_HERE}.openscenario:list_pieces"),
-        ExportFormat("osi", f"{_HERE}.osi_trace:list_pieces"),
-        ExportFormat("v2xr", f"{_HERE}.v2xr:list_pieces"),
-        ExportFormat("webdataset", f"{_HERE}.webdataset_shards:list_pieces"),
-    )
-}
-
-
 @cache
 def load_export_formats() -> Registered[ExportFormat]:
     """Load the formats of this installation."""
-    return load_registered(_HERE, CORE_FORMATS, ExportFormat)
+    return load_registered("advercity.exports", {}, ExportFormat)
 
 
 def find_export_format(name: str) -> ExportFormat:
@@ -94,6 +78,10 @@ def find_export_format(name: str) -> ExportFormat:
         return formats.found[name]
     if name in formats.broken:
         raise InputError(f"{name}: this format cannot be used: {formats.broken[name]}")
+    if not formats.found:
+        raise InputError(
+            "no format to export to is installed; try: pip install 'advercity[export]'"
+        )
     close = difflib.get_close_matches(name.lower(), formats.found, n=2, cutoff=0.5)
     hint = f"did you mean {' or '.join(close)}?" if close else f"{', '.join(formats.found)}"
     raise InputError(f"{name}: no such format to export to; {hint}")

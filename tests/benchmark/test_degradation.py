@@ -5,12 +5,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from advercity_benchmark.degradation import compute_range_m, tabulate_degradation
+from advercity_benchmark.predictions import FramePredictions, write_predictions
+from advercity_benchmark.truth import load_frame_truth
 from advercity_dsl import Spec
 from advercity_dsl.spec import SweepPoint
 
-from advercity.benchmark.degradation import compute_range_m, tabulate_degradation
-from advercity.benchmark.predictions import FramePredictions, write_predictions
-from advercity.benchmark.truth import load_frame_truth
 from advercity.compiler import with_digest
 from advercity.dataset.reader import Dataset
 from advercity.errors import InputError

@@ -7,18 +7,18 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
-
-from advercity.benchmark.detector.boxes import (
+from advercity_benchmark.detector.boxes import (
     compute_cell_centres,
     count_cells,
     draw_targets,
     drop_overlapping,
     fuse_sensors,
 )
-from advercity.benchmark.detector.clouds import load_cloud, load_clouds
-from advercity.benchmark.detector.images import CAMERA_AREA, check_cameras, load_images
-from advercity.benchmark.detector.samples import make_sample, merge_clouds
-from advercity.benchmark.predictions import load_predictions
+from advercity_benchmark.detector.clouds import load_cloud, load_clouds
+from advercity_benchmark.detector.images import CAMERA_AREA, check_cameras, load_images
+from advercity_benchmark.detector.samples import make_sample, merge_clouds
+from advercity_benchmark.predictions import load_predictions
+
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import Dataset
 from advercity.errors import InputError
@@ -158,8 +158,8 @@ def test_training_goes_on_after_a_kill_with_the_weights_of_a_run_without(
     two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sensor: Any
 ) -> None:
     torch = pytest.importorskip("torch", reason=HINT)
-    from advercity.benchmark.detector import training
-    from advercity.benchmark.detector.checkpoint import TrainingRecord, load_checkpoint
+    from advercity_benchmark.detector import training
+    from advercity_benchmark.detector.checkpoint import TrainingRecord, load_checkpoint
 
     monkeypatch.setattr(training, "SAVE_EVERY", 1)
     record = TrainingRecord(sensor=sensor, steps=3, batch=1, channels=8)
@@ -252,7 +252,7 @@ def test_training_starts_from_no_detector_of_another_kind(
 
 def test_targets_are_read_back_as_the_boxes_that_they_are_of() -> None:
     torch = pytest.importorskip("torch", reason=HINT)
-    from advercity.benchmark.detector.prediction import read_boxes
+    from advercity_benchmark.detector.prediction import read_boxes
 
     heat, learned, _ = draw_targets(BOXES, BOXES[:0], AREA)
     logits = torch.logit(torch.from_numpy(heat)[None].clamp(1e-4, 1 - 1e-4))
@@ -264,7 +264,7 @@ def test_targets_are_read_back_as_the_boxes_that_they_are_of() -> None:
 
 def test_vehicles_on_a_hill_are_used_and_crowns_of_trees_are_not() -> None:
     torch = pytest.importorskip("torch", reason=HINT)
-    from advercity.benchmark.detector.network import Pillars
+    from advercity_benchmark.detector.network import Pillars
 
     rng = create_generator("a test")
     x_m, y_m = rng.uniform(-80, 80, 20_000), rng.uniform(-8, 8, 20_000)
@@ -284,7 +284,7 @@ def test_vehicles_on_a_hill_are_used_and_crowns_of_trees_are_not() -> None:
 
 def test_a_station_s_features_arrive_where_the_ego_sees_its_place() -> None:
     torch = pytest.importorskip("torch", reason=HINT)
-    from advercity.benchmark.detector.network import Detector
+    from advercity_benchmark.detector.network import Detector
 
     network = Detector(8, has_attention=True)
     ego, station = torch.zeros(1, 8, *count_cells(AREA)), torch.zeros(1, 8, 16, 16)
@@ -326,7 +326,7 @@ def test_what_cannot_be_used_is_named(
 def test_without_pytorch_the_commands_say_what_to_install(
     two_roads: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, advercity: Command
 ) -> None:
-    for name in [name for name in sys.modules if name.startswith("advercity.benchmark.detector")]:
+    for name in [name for name in sys.modules if name.startswith("advercity_benchmark.detector")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)
     ran = advercity("benchmark", "train", two_roads, "--output", tmp_path / "a.pt")

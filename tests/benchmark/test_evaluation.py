@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from advercity_benchmark.evaluation import EvaluationOptions, evaluate_predictions
+from advercity_benchmark.predictions import FramePredictions, load_predictions, write_predictions
+from advercity_benchmark.truth import load_frame_truth
 from numpy.typing import NDArray
 
-from advercity.benchmark.evaluation import EvaluationOptions, evaluate_predictions
-from advercity.benchmark.predictions import FramePredictions, load_predictions, write_predictions
-from advercity.benchmark.truth import load_frame_truth
 from advercity.dataset.reader import Dataset, FrameView
 from advercity.errors import InputError
 from tests.benchmark.test_matching import average_precision_by_steps, overlap_by_opencv

@@ -5,14 +5,13 @@ import math
 import cv2
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-
-from advercity.benchmark.average_precision import (
+from advercity_benchmark.average_precision import (
     compute_average_precision,
     compute_calibration_error,
     estimate_interval,
 )
-from advercity.benchmark.matching import UNMATCHED, compute_overlaps, match_boxes
+from advercity_benchmark.matching import UNMATCHED, compute_overlaps, match_boxes
+from numpy.typing import NDArray
 
 
 def box(x: float, y: float, length: float, width: float, yaw: float = 0.0) -> list[float]:

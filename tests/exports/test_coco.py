@@ -9,13 +9,13 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from advercity_exports.coco import FIRST_RIDER_SEGMENT
 from numpy.testing import assert_array_equal
 
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.image_codec import from_instance_colours
 from advercity.dataset.reader import open_dataset
 from advercity.errors import InputError
-from advercity.exports.coco import FIRST_RIDER_SEGMENT
 from advercity.exports.exporting import export_dataset
 from advercity.semantics import Semantic
 from tests.requirements import require

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 from advercity_dsl import Spec
+from advercity_exports import kitti
+from advercity_exports.oxts import format_oxts
 
 from advercity.atomic_files import format_partial_name, move_file
-from advercity.cli.datasets import EXPORT_FORMAT_NAMES
 from advercity.compiler import write_specs
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.partial_files import lock_scenario
@@ -22,11 +23,10 @@ from advercity.dataset.reader import FrameView
 from advercity.dataset.splits import link_splits
 from advercity.dataset.writer import ScenarioWriter
 from advercity.errors import InputError, RunError
-from advercity.exports import export_folder, kitti
+from advercity.exports import export_folder
 from advercity.exports.export_folder import verify_export
 from advercity.exports.exporting import export_dataset
-from advercity.exports.oxts import format_oxts
-from advercity.exports.registry import CORE_FORMATS
+from advercity.exports.registry import load_export_formats
 from advercity.pipeline.progress import Progress, ProgressCallback
 from tests.builders import SensorFramesOf, identify, write_scenario
 from tests.command_line import Command
@@ -58,8 +58,12 @@ def snapshot(folder: Path) -> dict[str, bytes]:
     }
 
 
-def test_help_names_every_format() -> None:
-    assert tuple(CORE_FORMATS) == EXPORT_FORMAT_NAMES
+def test_an_unknown_format_is_answered_with_all_formats(
+    advercity: Command, dataset: Path, tmp_path: Path
+) -> None:
+    ran = advercity("export", "xyzzy", dataset, "--output", tmp_path / "export")
+    assert ran.code == 2
+    assert all(name in ran.err for name in load_export_formats().found)
 
 
 def test_an_export_is_complete_and_verified(

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from advercity_exports.kitti import TYPES
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
@@ -18,7 +19,6 @@ from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import open_dataset
 from advercity.errors import InputError
 from advercity.exports.exporting import export_dataset
-from advercity.exports.kitti import TYPES
 from advercity.geometry import poses
 from tests.exports.readers import needs_readers, run_reader
 

@@ -6,9 +6,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from advercity_dsl import Road, Spec
+from advercity_exports.mirrored_opendrive import mirror_opendrive
+from advercity_exports.site_opendrive import format_site
 
-from advercity.exports.mirrored_opendrive import mirror_opendrive
-from advercity.exports.site_opendrive import format_site
 from advercity.roads.plan_frame import mirror_road, to_plan_frame
 from advercity.roads.road_network import build_road
 from advercity.roads.sumo_network import write_sumo_network

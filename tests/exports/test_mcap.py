@@ -9,12 +9,12 @@ import jsonschema
 import numpy as np
 import pytest
 from advercity_dsl import Gnss
+from advercity_exports.mcap_values import PositionCovariance
+from advercity_exports.ros2_messages import DEFINITIONS, format_definition
 
 from advercity.dataset.reader import FrameView, open_dataset
 from advercity.errors import InputError
 from advercity.exports.exporting import export_dataset
-from advercity.exports.mcap_values import PositionCovariance
-from advercity.exports.ros2_messages import DEFINITIONS, format_definition
 from advercity.sensors.measurements import GnssFix, GnssSolution, SolutionQuality
 from tests.exports.readers import needs_readers, run_reader
 from tests.exports.recorded_dataset import FIRST_FRAME, FRAMES

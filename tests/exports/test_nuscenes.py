@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 from advercity_dsl import Mount, Spec
+from advercity_exports.nuscenes_scene import list_channels
 from numpy.testing import assert_allclose
 
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.reader import FrameView, open_dataset
 from advercity.exports.exporting import export_dataset
-from advercity.exports.nuscenes_scene import list_channels
 from advercity.geometry import poses
 from advercity.roads.road_network import build_road
 from tests.exports.readers import needs_readers, run_reader

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from advercity_dsl import Spec, Weather
+from advercity_exports.openlabel import list_weather_tags
 
 from advercity.dataset.reader import FrameView, open_dataset
 from advercity.exports.exporting import export_dataset
-from advercity.exports.openlabel import list_weather_tags
 from advercity.physics.extinction import compute_extinction
 from advercity.pipeline import RunOptions, run_scenario
 from tests.exports.readers import needs_readers, run_reader

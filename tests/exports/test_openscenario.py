@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import shapely
 from advercity_dsl import MapFile, Spec
+from advercity_exports.openscenario import format_scenario, load_dataset_traffic
+from advercity_exports.site_opendrive import format_site
 
 from advercity.compiler.recorded_roads import (
     ReplayChoice,
@@ -18,8 +20,6 @@ from advercity.compiler.recorded_roads import (
 from advercity.dataset.reader import open_dataset
 from advercity.errors import InputError
 from advercity.exports.exporting import export_dataset
-from advercity.exports.openscenario import format_scenario, load_dataset_traffic
-from advercity.exports.site_opendrive import format_site
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.recordings.openscenario.scenario import read_scenario
 from advercity.roads.map_import import import_map

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from advercity_dsl import Spec
+from advercity_exports.openscenario import load_dataset_traffic
 
 from advercity.dataset.reader import open_dataset
 from advercity.exports.exporting import export_dataset
-from advercity.exports.openscenario import load_dataset_traffic
 from advercity.pipeline.preparation import load_or_simulate_traffic
 from advercity.roads.road_network import build_road
 from advercity.sensors.agent_poses import AgentPoses
@@ -102,7 +102,7 @@ def test_a_reader_finds_objects_where_the_traffic_has_them(
 @pytest.mark.sumo
 def test_bulbs_are_lit_by_what_the_lights_show(specs: dict[str, Spec]) -> None:
     pytest.importorskip("osi3")
-    from advercity.exports.osi_trace import TruthBuilder
+    from advercity_exports.osi_trace import TruthBuilder
 
     spec = specs["ui_clear_day_sparse"]
     trace = load_or_simulate_traffic(spec).trace

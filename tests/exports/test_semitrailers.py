@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import yaml
 from advercity_dsl import Spec
+from advercity_exports.openscenario import format_scenario
+from advercity_exports.osi_trace import TruthBuilder
 
 from advercity.dataset.reader import open_dataset
 from advercity.exports.exporting import export_dataset
-from advercity.exports.openscenario import format_scenario
-from advercity.exports.osi_trace import TruthBuilder
 from advercity.frames import Actor, ActorState, Frame, Lamp
 from advercity.geometry import poses
 from advercity.pipeline.preparation import TrafficResult, load_or_simulate_traffic

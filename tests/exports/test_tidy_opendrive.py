@@ -6,9 +6,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from advercity_dsl import Spec
+from advercity_exports.site_opendrive import format_site
+from advercity_exports.tidy_opendrive import tidy_road
 
-from advercity.exports.site_opendrive import format_site
-from advercity.exports.tidy_opendrive import tidy_road
 from advercity.roads.sumo_network import write_sumo_network
 from tests.exports.readers import needs_readers, run_reader
 

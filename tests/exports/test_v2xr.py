@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import pytest
+from advercity_exports.v2xr import RADAR_POINT
 from numpy.testing import assert_allclose
 
 from advercity.dataset.cloud_files import read_pcd
 from advercity.dataset.reader import open_dataset
 from advercity.errors import InputError
 from advercity.exports.exporting import export_dataset
-from advercity.exports.v2xr import RADAR_POINT
 from advercity.geometry import poses
 
 

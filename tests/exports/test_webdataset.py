@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from advercity_exports import webdataset_shards
 from numpy.testing import assert_allclose, assert_array_equal
 
 from advercity.dataset.reader import open_dataset
-from advercity.exports import webdataset_shards
 from advercity.exports.exporting import export_dataset
 from advercity.geometry import poses
 from tests.requirements import require

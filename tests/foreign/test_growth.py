@@ -9,12 +9,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from advercity_benchmark.predictions import load_predictions
 from advercity_dsl import MapFile, Road
 from advercity_dsl.road import MapSource
 
 from advercity.array_files import load_arrays
 from advercity.assets.model_files import ModelPart, read_glb, read_obj, to_glb
-from advercity.benchmark.predictions import load_predictions
 from advercity.compiler.library import load_declaration
 from advercity.compiler.recorded_roads import load_recorded_scenario, load_recorded_table
 from advercity.dataset.cloud_files import encode_ply, read_foreign_pcd, read_ply

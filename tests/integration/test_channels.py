@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from advercity_benchmark.detector.clouds import check_frames, load_clouds
 from advercity_dsl import Spec
 
 import advercity
-from advercity.benchmark.detector.clouds import check_frames, load_clouds
 from advercity.compiler.crossing import compile_library
 from advercity.dataset.reader import FrameView, Scenario
 from advercity.dataset.received_messages import load_sent_messages

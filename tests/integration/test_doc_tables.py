@@ -17,7 +17,7 @@ from advercity.conflicts.report import (
     build_traffic_report,
     format_markdown_table,
 )
-from advercity.exports.registry import CORE_FORMATS
+from advercity.exports.registry import load_export_formats
 from advercity.frames import Trace
 from advercity.rendering.led_flicker import SIGNAL_DUTY, SIGNAL_HZ, TAIL_DUTY, TAIL_HZ_RANGE
 from advercity.sensors.measurements import PointKind
@@ -247,7 +247,7 @@ def test_formats_of_exports_are_in_the_table() -> None:
             r"`(\w+)`",
             " ".join(row["format"] for row in find_table("docs/export.md", "checked with")),
         )
-    ) == sorted(CORE_FORMATS)
+    ) == sorted(load_export_formats().found)
 
 
 def test_fields_of_the_dataset_are_written_under_their_names() -> None:

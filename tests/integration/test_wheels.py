@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+BESIDE = [ROOT / "backends/sapien", ROOT / "packages/exports", ROOT / "packages/benchmark"]
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder where both wheels are installed, their dependencies left to the environment."""
+    """A folder where the wheels are installed, their dependencies left to the environment."""
     wheels, target = tmp_path_factory.mktemp("wheels"), tmp_path_factory.mktemp("site")
-    for project in (ROOT, ROOT / "backends/sapien"):
+    for project in (ROOT, *BESIDE):
         build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(wheels)]
         subprocess.run(build, cwd=project, check=True)
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index"]
@@ -35,7 +36,10 @@ def run_with(site: Path, code: str) -> str:
     return result.stdout.strip()
 
 
-@pytest.mark.parametrize("package", ["advercity", "advercity_dsl", "advercity_sapien"])
+@pytest.mark.parametrize(
+    "package",
+    ["advercity", "advercity_dsl", *(f"advercity_{path.name}" for path in BESIDE)],
+)
 def test_every_package_is_imported_from_its_wheel(site: Path, package: str):
     found = run_with(site, f"import {package}; print({package}.__file__)")
     assert Path(found) == site / package / "__init__.py"
@@ -47,7 +51,7 @@ def test_every_source_file_is_in_the_wheels(site: Path):
         for folder, package in (
             (ROOT, "advercity"),
             (ROOT / "dsl", "advercity_dsl"),
-            (ROOT / "backends/sapien", "advercity_sapien"),
+            *((path, f"advercity_{path.name}") for path in BESIDE),
         )
         for path in (folder / package).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from advercity.study.distances import (
+from advercity_benchmark.study.distances import (
     FeatureSet,
     compare_features,
     compute_frechet_distance,

@@ -5,9 +5,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from advercity_benchmark.study.recordings import open_recordings
 
 from advercity.errors import InputError
-from advercity.study.recordings import open_recordings
 
 ECHO = [3.0, 4.0, 12.0, 51.0]
 

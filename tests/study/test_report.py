@@ -6,8 +6,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from advercity_benchmark.study.picture_features import (
+    IMAGENET_DEVIATION,
+    IMAGENET_MEAN,
+    load_network,
+)
 
-from advercity.study.picture_features import IMAGENET_DEVIATION, IMAGENET_MEAN, load_network
 from tests.command_line import Command
 
 HINT = "no study is made; `scripts/setup_peers` installs scikit-learn"

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-
-from advercity.errors import InputError
-from advercity.study.recordings import Recording, Sweep
-from advercity.study.sweep_statistics import (
+from advercity_benchmark.study.recordings import Recording, Sweep
+from advercity_benchmark.study.sweep_statistics import (
     RANGE_EDGES_M,
     compute_jensen_shannon_distance,
     compute_sweep_statistics,
     find_lonely_points,
 )
+
+from advercity.errors import InputError
 
 HINT = "lonely echoes are not searched; `scripts/setup_peers` installs scikit-learn"
 

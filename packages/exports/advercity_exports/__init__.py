@@ -1,0 +1,1 @@
+"""Formats that datasets are exported to, each an entry point of `advercity.exports`."""
