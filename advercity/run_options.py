@@ -21,7 +21,6 @@ SECONDS_PER_UNIT = {"s": 1, "min": 60, "h": 3600, "d": 86_400}
 MIN_SCALE, MAX_SCALE = 0.01, 4.0
 ProfileName = Literal["auto", "preview", "full"]
 """Quality of rendered images; `auto` suits the device."""
-ExecutorName = Literal["local", "ray"]
 CloudEncoding = Literal["binary", "binary_compressed"]
 """PCD's names of its encodings: points as they are, or field by field in LZF blocks."""
 CloudColour = Literal["intensity", "class", "kind"]
@@ -239,9 +238,9 @@ class RunOptions(DatasetOptions):
         bool,
         Option("Go on where a staged conflict does not happen as declared, and record it."),
     ] = False
-    executor: Annotated[ExecutorName, Option("local, or ray for a cluster.")] = "local"
-    ray_address: Annotated[
-        str | None, Option("Ray cluster: auto, or HOST:PORT (default: one on this machine).")
+    executor: Annotated[str, Option("local, or ray for a cluster.")] = "local"
+    cluster_address: Annotated[
+        str | None, Option("Cluster: auto, or HOST:PORT (default: one on this machine).")
     ] = None
     rrd: Annotated[Path | None, Option("Write a Rerun recording.")] = None
     stream: Annotated[bool, Option("Serve the live view.")] = False

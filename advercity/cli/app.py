@@ -16,7 +16,8 @@ from advercity.errors import InputError, RunError
 
 RENAMED_COMMANDS = {"plan": "estimate"}
 RENAMED_OPTIONS = {
-    ("run", "--address"): "--ray-address",
+    ("run", "--address"): "--cluster-address",
+    ("run", "--ray-address"): "--cluster-address",
     ("run", "--colour-clouds"): "--cloud-colour",
     ("view", "--colour-clouds"): "--cloud-colour",
     ("simulate", "--film"): "--video",

@@ -1,12 +1,18 @@
-"""Checks batches of scenarios, then runs them on this machine or a cluster."""
+"""Checks batches of scenarios, then runs them on this machine or on others.
+
+A distribution registers its `ExecutorKind`, under the executor's name, as an entry point of the
+group `advercity.executors`. Ray is in the distribution advercity-cluster.
+"""
 
 import logging
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Protocol
 
 from advercity_dsl import Spec
+from advercity_dsl.registry import Registered, load_registered
 
 from advercity.compiler.crossing import check_not_edited
 from advercity.dataset.formats import find_format
@@ -22,6 +28,8 @@ from advercity.rendering.backend import load_backend
 from advercity.run_options import RunOptions, RunResources, ViewerTarget
 
 _logger = logging.getLogger(__name__)
+LOCAL = "local"
+"""Executor of this machine."""
 
 
 class Executor(Protocol):
@@ -39,22 +47,51 @@ class Executor(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class ExecutorKind:
+    """An executor that a run can name.
+
+    Attributes:
+        name: Its name as an option.
+        create: Creates it for the options of a run; InputError if they do not fit.
+    """
+
+    name: str
+    create: Callable[[RunOptions], Executor]
+
+
+@cache
+def load_executors() -> Registered[ExecutorKind]:
+    """Load the executors that other distributions of this installation register."""
+    return load_registered("advercity.executors", {}, ExecutorKind)
+
+
 def create_executor(options: RunOptions) -> Executor | None:
     """Create the requested executor; None for `local`, this machine itself.
 
     Raises:
         InputError: Other options do not fit it.
     """
-    output = str(options.output)
-    if options.executor == "ray":
-        from advercity.pipeline.cluster import RayExecutor, resolve_output
-
-        return RayExecutor(resolve_output(output), options.ray_address)
-    if options.ray_address is not None:
-        raise InputError("`ray_address` goes with `executor` ray")
-    if "://" in output:
-        raise InputError(f"`output` {output}: a store needs `executor` ray")
+    if options.executor != LOCAL:
+        return _find_executor(options.executor).create(options)
+    if options.cluster_address is not None:
+        raise InputError("`cluster_address` goes with the `executor` of a cluster, such as ray")
+    if "://" in str(options.output):
+        raise InputError(f"`output` {options.output}: a store needs an `executor`, such as ray")
     return None
+
+
+def _find_executor(name: str) -> ExecutorKind:
+    kinds = load_executors()
+    if name in kinds.found:
+        return kinds.found[name]
+    if name in kinds.broken:
+        raise InputError(f"`executor` {name}: cannot be used: {kinds.broken[name]}")
+    known = ", ".join([LOCAL, *kinds.found])
+    raise InputError(
+        f"`executor` {name}: is not installed; there is {known}; ray comes with pip install"
+        " 'advercity[ray]'"
+    )
 
 
 def run_batch(

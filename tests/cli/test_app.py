@@ -362,7 +362,7 @@ def test_view_says_how_the_address_of_a_live_view_looks(advercity: Command) -> N
     ("asked", "message"),
     [
         (["plan", "a.json"], "plan is now estimate"),
-        (["run", "a.json", "--address", "auto"], "run --address is now --ray-address"),
+        (["run", "a.json", "--address", "auto"], "run --address is now --cluster-address"),
         (["run", "a.json", "--colour-clouds", "kind"], "--colour-clouds is now --cloud-colour"),
         (["view", "a.rrd", "--colour-clouds", "kind"], "--colour-clouds is now --cloud-colour"),
         (["simulate", "a.json", "--film"], "--film is now --video"),

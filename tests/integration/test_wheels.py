@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-BESIDE = [ROOT / "backends/sapien", ROOT / "packages/exports", ROOT / "packages/benchmark"]
+BESIDE = [ROOT / "backends/sapien", *sorted((ROOT / "packages").iterdir())]
 
 
 @pytest.fixture(scope="module")

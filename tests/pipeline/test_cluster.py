@@ -21,7 +21,6 @@ from advercity.pipeline import (
     raise_failures,
     run_scenarios,
 )
-from advercity.run_options import ExecutorName
 from advercity.testing import RecordingListener
 from tests.requirements import require
 
@@ -82,7 +81,7 @@ def test_a_cluster_that_loses_a_node_makes_what_one_machine_makes(
     listener: RecordingListener,
     tmp_path: Path,
 ) -> None:
-    from advercity.pipeline.cluster import RayExecutor
+    from advercity_cluster.ray_executor import RayExecutor
 
     alone, shared = tmp_path / "alone", tmp_path / "shared"
     chosen = replace(options(alone), frames=slice(0, FRAMES))
@@ -132,15 +131,16 @@ def test_a_store_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "output", "address", "message"),
     [
-        ("local", "out", "auto", "`ray_address` goes with `executor` ray"),
-        ("local", "s3://bucket/out", None, "a store needs `executor` ray"),
+        ("local", "out", "auto", "`cluster_address` goes with the `executor` of a cluster"),
+        ("slurm", "out", None, "`executor` slurm: is not installed; there is local, ray"),
+        ("local", "s3://bucket/out", None, "a store needs an `executor`, such as ray"),
     ],
 )
 def test_an_executor_that_does_not_fit_is_bad_input(
-    name: ExecutorName, output: str, address: str | None, message: str
+    name: str, output: str, address: str | None, message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
-        create_executor(RunOptions(output, executor=name, ray_address=address))
+        create_executor(RunOptions(output, executor=name, cluster_address=address))
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:{port}", "ray://127.0.0.1:{port}"])
@@ -150,7 +150,7 @@ def test_a_cluster_that_does_not_answer_is_one_message_at_once(
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         url = address.format(port=unused.getsockname()[1])
-    executor = create_executor(RunOptions(tmp_path / "output", executor="ray", ray_address=url))
+    executor = create_executor(RunOptions(tmp_path / "output", executor="ray", cluster_address=url))
     assert executor is not None
     with pytest.raises(RunError) as told:
         executor.run(
@@ -159,6 +159,6 @@ def test_a_cluster_that_does_not_answer_is_one_message_at_once(
             resources=RunResources(),
             listener=RecordingListener(),
         )
-    assert str(told.value).startswith(f"`ray_address` {url}: no Ray cluster answers there: ")
+    assert str(told.value).startswith(f"`cluster_address` {url}: no Ray cluster answers there: ")
     assert "\n" not in str(told.value)
     assert not (tmp_path / "output").exists()

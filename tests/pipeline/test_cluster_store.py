@@ -74,7 +74,7 @@ def test_a_run_into_a_store_resumes_after_a_kill_with_the_bytes_of_one_machine(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     require("ray")
-    from advercity.pipeline.cluster import RayExecutor
+    from advercity_cluster.ray_executor import RayExecutor
 
     url, spec = f"{bucket}/dataset", few[0]
     chosen = replace(options(tmp_path / "alone"), frames=slice(0, FRAMES))

@@ -23,7 +23,7 @@ from advercity.dataset.remote import SharedScenario, upload_part
 from advercity.dataset.scenario_folders import MANIFEST_FILE
 from advercity.dataset.store import LEASE_TIMEOUT_S, DatasetLease, DatasetStore
 from advercity.errors import AdvercityError, InputError, RunError
-from advercity.pipeline.executors import run_scenarios
+from advercity.pipeline.executors import ExecutorKind, run_scenarios
 from advercity.pipeline.preparation import prepare_scenario
 from advercity.pipeline.progress import Progress, RunListener, ScenarioResult
 from advercity.pipeline.workers import TERMINATION_TIMEOUT_S
@@ -280,14 +280,14 @@ def _connect_ray(address: str | None) -> Generator[Any]:
     try:
         import ray
     except ImportError as error:
-        message = "`executor` ray: Ray is not installed; pip install 'advercity[ray]'"
+        message = "`executor` ray: Ray is not installed; try: pip install 'advercity[ray]'"
         raise InputError(message) from error
     alone: dict[str, Any] = {"_node_ip_address": "127.0.0.1", "include_dashboard": False}
     more = {} if address else alone
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR, **more)
     except (OSError, RuntimeError, ValueError) as error:
-        raise RunError(f"`ray_address` {address}: {NO_CLUSTER}: {error}") from error
+        raise RunError(f"`cluster_address` {address}: {NO_CLUSTER}: {error}") from error
     try:
         yield ray
     finally:
@@ -301,12 +301,17 @@ def _check_address(address: str) -> None:
         try:
             socket.create_connection((host, int(port)), CONNECT_TIMEOUT_S).close()
         except (OSError, OverflowError, UnicodeError) as error:
-            raise RunError(f"`ray_address` {address}: {NO_CLUSTER}: {error}") from error
+            raise RunError(f"`cluster_address` {address}: {NO_CLUSTER}: {error}") from error
 
 
-def resolve_output(output: str) -> str:
-    """Return a URL unchanged, and a path without links, valid on all nodes with the folder."""
-    return output if "://" in output else str(resolve_links(Path(output)))
+def _create_executor(options: RunOptions) -> RayExecutor:
+    output = str(options.output)
+    # Links may lead elsewhere on other nodes.
+    shared = output if "://" in output else str(resolve_links(Path(output)))
+    return RayExecutor(shared, options.cluster_address)
+
+
+RAY = ExecutorKind("ray", _create_executor)
 
 
 def _translate_ray_error(error: Exception) -> AdvercityError:

@@ -1,0 +1,1 @@
+"""Runs of advercity on clusters of machines."""
