@@ -8,7 +8,11 @@ from advercity_dsl.registry import Registered, load_registered
 
 from advercity.errors import InputError
 
-COMMANDS_OF_DISTRIBUTIONS = {"benchmark": "advercity-benchmark", "study": "advercity-benchmark"}
+COMMANDS_OF_DISTRIBUTIONS = {
+    "benchmark": "advercity-benchmark",
+    "report": "advercity-report",
+    "study": "advercity-benchmark",
+}
 """Distributions that add commands, by command."""
 
 
