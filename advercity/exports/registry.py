@@ -45,7 +45,8 @@ class ExportFormat:
 
     def compute_code_digest(self) -> str:
         """Compute the SHA-256 of the sources that write the format."""
-        return compute_source_digest(*CODE_PACKAGES, self.lister.partition(".")[0])
+        package = self.lister.partition(":")[0].partition(".")[0]
+        return compute_source_digest(*CODE_PACKAGES, package)
 
     def complete_options(self, given: Mapping[str, str | None]) -> dict[str, str]:
         """Complete options by their defaults, also in place of None.
