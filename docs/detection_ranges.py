@@ -200,7 +200,8 @@ class DetectionScene:
             pose = _build_pose(lidar.mount, pitch_rad)
             hits = cast_scan(lidar, pose, self._caster, puddle_coverage=air.puddle_coverage)
             rng = create_generator("ranges", "lidar", frame.index)
-            cloud = measure_point_cloud(lidar, hits, air, rng, states=frame.states)
+            key = "ranges", frame.index
+            cloud = measure_point_cloud(lidar, hits, air, rng, states=frame.states, window_key=key)
             on_target = (cloud.instance == TARGET_ID) & (cloud.kind == PointKind.SURFACE)
             return int(on_target.sum()) >= MIN_POINTS
 

@@ -85,8 +85,9 @@ class Scene:
         pose = self._viewpoints.world_from_sensors("lidar", agent, self._frame)[0]
         lidar = agent.sensors.lidar
         scan = cast_scan(lidar, pose, self._caster, puddle_coverage=air.puddle_coverage)
+        key = "pictures", agent.id
         return measure_point_cloud(
-            lidar, scan, air, create_generator("pictures", agent.id), states=self._frame.states
+            lidar, scan, air, create_generator(*key), states=self._frame.states, window_key=key
         )
 
 

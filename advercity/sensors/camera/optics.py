@@ -17,6 +17,7 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.lamp_beams import intensity_towards
 from advercity.rendering.backend import CameraCapture
 from advercity.sensors.camera.exposure import CameraExposure
+from advercity.sensors.covered_glass import find_side, list_coverage
 
 GLASS_DISTANCE_M = 0.05
 """Distance of the glass from the entrance pupil: too close for a sharp image."""
@@ -27,8 +28,6 @@ SPOT_SIZE_DEVIATION = 0.35
 DROP_MAGNIFICATION = -2.5
 """Scale of the scene in a drop: inverted, and reduced to this many of the drop's own widths."""
 GLASS_DUST_ALBEDO = 0.3
-SIDE_VIEW_DEG, REAR_VIEW_DEG = 45.0, 135.0
-"""Headings from which a camera faces the side, and the rear."""
 OpenCvArray = NDArray[np.floating[Any] | np.integer[Any]]
 """Arrays returned by OpenCV according to its type stubs."""
 
@@ -59,12 +58,7 @@ MIN_GHOST_LX = 0.05
 
 def glass_coverage(lens: Lens, mount: Mount) -> float:
     """Return the covered fraction of a camera's glass by its heading; 0 if lenses stay clean."""
-    if not lens.enabled:
-        return 0.0
-    heading_deg = abs(math.remainder(mount.yaw_deg, 360.0))
-    if heading_deg < SIDE_VIEW_DEG:
-        return lens.coverage.front
-    return lens.coverage.side if heading_deg < REAR_VIEW_DEG else lens.coverage.rear
+    return list_coverage(lens)[find_side(mount.yaw_deg)]
 
 
 def apply_glass(

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from advercity.geometry.arrays import FloatArray
 from advercity.physics.atmosphere import Atmosphere
 from advercity.physics.extinction import AirExtinction
+from advercity.randomness import create_generator
+from advercity.sensors.covered_glass import find_side, list_coverage
 from advercity.sensors.lidar.beams import BeamShape, ScanTime, beam_directions, scan_azimuths_rad
 from advercity.sensors.lidar.forward_scattering import (
     Diffraction,
@@ -28,7 +30,6 @@ COVERED_WINDOW_LOSS = 0.3
 """Loss of light, one way, where the window is fully covered."""
 BLOCKED_PER_COVERED = 2.0
 """Blocked fraction of sectors, relative to the covered fraction of glass."""
-_FRONT_SECTOR_RAD, _REAR_SECTOR_RAD = math.radians(45.0), math.radians(135.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,34 +38,31 @@ class LidarWindow:
 
     Attributes:
         gain: (n,) factor on the power of returns, both ways.
-        coverage: (NUM_WINDOW_SECTORS,) covered fraction of each sector's glass.
-        sector: (n,) sector of each beam.
+        is_clear: (n,) whether a beam passes, or a drop blocks its sector.
     """
 
     gain: FloatArray
-    coverage: FloatArray
-    sector: NDArray[np.int32]
+    is_clear: NDArray[np.bool_]
 
     @staticmethod
     def from_lidar(
         lidar: Lidar,
         time: ScanTime,
         coverage: tuple[float, float, float],
-        mount_yaw_rad: float = 0.0,
+        key: tuple[int | str, ...],
+        mount_yaw_deg: float = 0.0,
     ) -> "LidarWindow | None":
         """Build the window of a sensor by its coverage (front, side, rear); None if it is clean.
 
-        Front, side and rear refer to the carrier, from which a mount may turn the sensor.
+        Front, side and rear refer to the carrier, from which a mount may turn the sensor. The same
+        key gives the same blocked sectors, and a greater coverage blocks more of them.
         """
         if not any(coverage):
             return None
-        front, side, rear = coverage
-        azimuth = (np.arange(NUM_WINDOW_SECTORS) + 0.5) * (2.0 * math.pi / NUM_WINDOW_SECTORS)
-        from_front = np.abs(
-            np.remainder(azimuth + mount_yaw_rad + math.pi, 2.0 * math.pi) - math.pi
-        )
-        limits = [from_front < _FRONT_SECTOR_RAD, from_front < _REAR_SECTOR_RAD]
-        by_sector = np.select(limits, [front, side], rear)
+        azimuth_deg = (np.arange(NUM_WINDOW_SECTORS) + 0.5) * (360.0 / NUM_WINDOW_SECTORS)
+        by_sector = np.array(coverage)[find_side(azimuth_deg + mount_yaw_deg)]
+        drops = create_generator(*key, "window").random(NUM_WINDOW_SECTORS)
+        is_clear = drops >= BLOCKED_PER_COVERED * by_sector
         ahead_rad = scan_azimuths_rad(lidar) % np.float32(2.0 * math.pi)
         bearing = np.repeat(ahead_rad, lidar.channels)
         if lidar.prisms:
@@ -73,11 +71,7 @@ class LidarWindow:
         sectors = (bearing * (NUM_WINDOW_SECTORS / (2.0 * math.pi))).astype(np.int32)
         sector = sectors % NUM_WINDOW_SECTORS
         gain = (1.0 - COVERED_WINDOW_LOSS * by_sector) ** 2
-        return LidarWindow(gain.astype(np.float32)[sector], by_sector.astype(np.float32), sector)
-
-    def find_clear_beams(self, uniform: FloatArray) -> NDArray[np.bool_]:
-        """Find which beams (n,) are clear, by random numbers (sectors,) from 0 to 1."""
-        return (uniform >= BLOCKED_PER_COVERED * self.coverage)[self.sector]
+        return LidarWindow(gain.astype(np.float32)[sector], is_clear[sector])
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,9 +162,5 @@ def derive_lidar_conditions(atmosphere: Atmosphere, lens: Lens) -> LidarConditio
         sun_direction=(
             atmosphere.sun_direction if atmosphere.sun_lx > MIN_VISIBLE_SUN_LX else None
         ),
-        window_coverage=(
-            (lens.coverage.front, lens.coverage.side, lens.coverage.rear)
-            if lens.enabled
-            else (0.0, 0.0, 0.0)
-        ),
+        window_coverage=list_coverage(lens),
     )

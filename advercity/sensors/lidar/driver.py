@@ -1,6 +1,5 @@
 """Scans with the LiDARs of an open scenario."""
 
-import math
 from functools import lru_cache
 
 from advercity_dsl import Agent, Lidar
@@ -35,7 +34,8 @@ class LidarDriver(SensorDriver):
         cloud = measure_point_cloud(
             *(lidar, hits, conditions, rng),
             states=frame.states,
-            mount_yaw_rad=math.radians(mount.yaw_deg),
+            mount_yaw_deg=mount.yaw_deg,
+            window_key=(stage.spec.seeds.sensors, stage.spec.id, "lidar", agent.id, number),
         )
         counted = count_lidar_hits(hits, lidar)
         stamp_s = stage.find_stamp("lidar", agent, number)

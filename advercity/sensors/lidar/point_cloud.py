@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from advercity.frames import ActorState
 from advercity.geometry.arrays import FloatArray
 from advercity.sensors.lidar.beams import beam_directions, channel_efficiencies
-from advercity.sensors.lidar.conditions import NUM_WINDOW_SECTORS, LidarConditions, LidarWindow
+from advercity.sensors.lidar.conditions import LidarConditions, LidarWindow
 from advercity.sensors.lidar.random_streams import RandomStreams, StreamPurpose
 from advercity.sensors.lidar.received_power import (
     range_standard_deviation_m,
@@ -33,16 +33,20 @@ def measure_point_cloud(
     rng: np.random.Generator,
     *,
     states: tuple[ActorState, ...] = (),
-    mount_yaw_rad: float = 0.0,
+    mount_yaw_deg: float = 0.0,
+    window_key: tuple[int | str, ...] = (),
 ) -> PointCloud:
     """Measure the points of one scan by a sensor that its mount turns by a yaw.
 
     Surfaces, surfaces behind windows or mirrored in puddles, fog, dust, drops, flakes and the
     spray of `states` all return light. Overlapping returns of a beam merge. Among the returns above
-    the receiver's threshold, the rig reports the strongest, the last or both.
+    the receiver's threshold, the rig reports the strongest, the last or both. `window_key` is the
+    random key of the drops on its window, the same in all frames.
     """
     streams = RandomStreams(rng)
-    window = LidarWindow.from_lidar(lidar, scan.time, air.window_coverage, mount_yaw_rad)
+    window = LidarWindow.from_lidar(
+        lidar, scan.time, air.window_coverage, window_key, mount_yaw_deg
+    )
     sources = ReturnSources(lidar, scan, air, streams, window, states)
     is_active = _find_active_beams(lidar, scan, air, streams, window)
     per_beam, others = _collect_returns(lidar, sources, is_active)
@@ -79,10 +83,7 @@ def _find_active_beams(
         uniform = streams.uniform(StreamPurpose.FIRED, lidar.azimuths * lidar.channels)
         is_active = uniform >= lidar.dropoff_rate
     if window is not None:
-        clear = window.find_clear_beams(
-            streams.open_stream(StreamPurpose.WINDOW).random(NUM_WINDOW_SECTORS, np.float32)
-        )
-        is_active = clear if is_active is None else is_active & clear
+        is_active = window.is_clear if is_active is None else is_active & window.is_clear
     if air.sun_direction is not None and lidar.sunlight_noise:
         sun = (scan.world_from_lidar[:3, :3].T @ air.sun_direction).astype(np.float32)
         off_sun = beam_directions(lidar, scan.time) @ sun < math.cos(SUN_BLINDING_ANGLE_RAD)

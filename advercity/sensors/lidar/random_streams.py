@@ -18,8 +18,8 @@ NUM_LEVELS = 1 << 16
 class StreamPurpose(IntEnum):
     """Purpose of a stream.
 
-    Values are jumps of the generator: a new purpose goes to the end, or every dataset changes.
-    Values from 64 on are the point kinds of other distributions.
+    Values are jumps of the generator: a new purpose goes to the end, or every dataset changes. 7 is
+    unused. Values from 64 on are the point kinds of other distributions.
     """
 
     FIRED = 0
@@ -29,7 +29,6 @@ class StreamPurpose(IntEnum):
     SOFT_POWER = 4
     RAIN = 5
     SNOW = 6
-    WINDOW = 7
     SPRAY = 8
     ONWARD_NOISE = 9
     SOFT_NOISE = 10

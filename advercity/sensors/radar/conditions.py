@@ -14,6 +14,7 @@ from advercity.physics.microwaves import (
 )
 from advercity.physics.precipitation import CAMERA_HEIGHT_M, wind_at_height
 from advercity.physics.weather_parts.part import Precipitation
+from advercity.sensors.covered_glass import find_side, list_coverage
 from advercity.sensors.point_kinds import find_point_kind
 from advercity.sensors.spray_plumes import has_spray
 
@@ -64,9 +65,7 @@ class RadarConditions:
 
     def select_radome_db(self, mount: Mount) -> float:
         """Select the loss of the radome of a mount."""
-        off_ahead = abs((mount.yaw_deg + 180.0) % 360.0 - 180.0)
-        front, side, rear = self.radome_db
-        return front if off_ahead < 45.0 else rear if off_ahead > 135.0 else side
+        return self.radome_db[find_side(mount.yaw_deg)]
 
 
 def derive_radar_conditions(atmosphere: Atmosphere, lens: Lens) -> RadarConditions:
@@ -102,10 +101,8 @@ def _find_velocity(atmosphere: Atmosphere, part: Precipitation) -> Float64Array:
 
 def _compute_radome_db(lens: Lens, ice_cover: float) -> tuple[float, float, float]:
     by_kind = {"water": 1.0, "snow": WET_SNOW_FACTOR, "dust": 0.0}[lens.kind]
-    film_db = FILM_MM * FILM_LOSS_DB_MM * by_kind * lens.enabled
-    covered = lens.coverage
+    film_db = FILM_MM * FILM_LOSS_DB_MM * by_kind
     front, side, rear = (
-        film_db * part + ICE_LOSS_DB * ice_cover
-        for part in (covered.front, covered.side, covered.rear)
+        film_db * covered + ICE_LOSS_DB * ice_cover for covered in list_coverage(lens)
     )
     return front, side, rear

@@ -145,12 +145,29 @@ def test_the_front_of_a_covered_window_is_the_carriers(yaw_deg: float) -> None:
     lens = {"enabled": True, "coverage": {"front": 0.1, "side": 0.0, "rear": 0.0}}
     scan, covered = scanned(panel(10.0, DARK, "plaster")), air(lens=lens)
     found = measure_point_cloud(
-        *(DARK, scan, covered, create_generator("test")), mount_yaw_rad=math.radians(yaw_deg)
+        *(DARK, scan, covered, create_generator("test")), mount_yaw_deg=yaw_deg
     )
     bearing_deg = np.degrees(np.arctan2(found.points[:, 1], found.points[:, 0])) + yaw_deg
     in_front = np.abs((bearing_deg + 180.0) % 360.0 - 180.0) < 45.0
     assert 0.6 < in_front.sum() / 30_000 < 0.95
     assert (~in_front).sum() == pytest.approx(90_000, abs=64)
+
+
+def test_a_drop_on_the_window_blocks_the_same_beams_in_every_scan() -> None:
+    scan, lidar = scanned(panel(10.0, DARK, "plaster")), DARK
+    coverage = {"front": 0.3, "side": 0.2, "rear": 0.1}
+
+    def find_seen(frame: int, *window: int, **more: float) -> set[tuple[int, int]]:
+        met = air(lens={"enabled": True, "coverage": coverage | more})
+        rng = create_generator("test", frame)
+        found = measure_point_cloud(lidar, scan, met, rng, window_key=window)
+        bearing_deg = np.degrees(np.arctan2(found.points[:, 1], found.points[:, 0]))
+        return set(zip(np.rint(bearing_deg * 100).tolist(), found.ring.tolist(), strict=True))
+
+    first = find_seen(0, 7)
+    assert find_seen(1, 7) == find_seen(90, 7) == first
+    assert find_seen(0, 8) != first
+    assert find_seen(0, 7, front=0.4, rear=0.25) < first  # more drops, and the first stay
 
 
 def test_points_lie_on_surfaces_in_the_lidar_frame() -> None:

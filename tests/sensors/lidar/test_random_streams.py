@@ -10,7 +10,7 @@ from advercity.sensors.lidar.random_streams import RandomStreams, StreamPurpose
 
 PLACES = {
     **{"FIRED": 0, "SURFACE_NOISE": 1, "RANGE_NOISE": 2, "DROPOFF": 3, "SOFT_POWER": 4},
-    **{"RAIN": 5, "SNOW": 6, "WINDOW": 7, "SPRAY": 8, "ONWARD_NOISE": 9, "SOFT_NOISE": 10},
+    **{"RAIN": 5, "SNOW": 6, "SPRAY": 8, "ONWARD_NOISE": 9, "SOFT_NOISE": 10},
     **{"SOFT_RANGE": 11, "SOFT_KIND": 12, "HAIL": 13, "STRAY_NOISE": 14},
 }
 
