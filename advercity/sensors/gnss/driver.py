@@ -75,10 +75,11 @@ class GnssDriver(SensorDriver):
             )
         receiver = self._receivers[place]
         times = list_sample_times(gnss, tick_s, frame.index, key=(*key, "gnss"))
+        motion = poses.find_motion(agent, frame)
         fixes = [
             receiver.measure(
                 (frame.index - 1 + fraction) * tick_s,
-                velocity=poses.find_motion(agent, frame).velocity,
+                velocity=motion.velocity + (fraction - 1.0) * tick_s * motion.acceleration,
                 number=times.first + at,
                 step_s=times.step_s,
                 stamp_s=frame.time_s + (fraction - 1.0) * tick_s,

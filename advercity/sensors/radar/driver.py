@@ -21,30 +21,34 @@ class RadarDriver(SensorDriver):
 
     def __init__(self, stage: Stage) -> None:
         super().__init__(stage)
-        self._placed: Mapping[str, Sequence[PlacedRadar]] = {}
-        self._motion = SceneMotion(stage.frame, stage.world.bodies)
+        self._scenes: dict[float, tuple[Mapping[str, Sequence[PlacedRadar]], SceneMotion]] = {}
         self._derive_once = lru_cache(maxsize=1)(self._derive_conditions)
 
     def prepare(self) -> None:
-        """Place the radars of all agents."""
-        frame, poses = self.stage.frame, self.stage.poses
-        self._placed = {agent.id: place_radars(poses, agent, frame) for agent in poses.spec.agents}
-        self._motion = SceneMotion(frame, self.stage.world.bodies)
+        """Forget the places of radars in the frame before."""
+        self._scenes = {}
 
     def measure(self, agent: Agent, number: int) -> RadarScan:
         """Measure detections, and powers of all cells if the output is `cube`."""
-        stage, placed, motion = self.stage, self._placed[agent.id][number], self._motion
-        others = [one for of_one in self._placed.values() for one in of_one if one is not placed]
+        stage = self.stage
         frame = stage.find_sampled_frame("radar", agent, number)
+        radars, motion = self._place(frame)
+        placed = radars[agent.id][number]
+        others = [one for of_one in radars.values() for one in of_one if one is not placed]
         raycaster = stage.place_raycaster(frame, agent)
         rng = stage.poses.make_generator("radar", agent, frame, number)
-        if frame is not motion.frame:
-            placed = place_radars(stage.poses, agent, frame)[number]
-            motion = SceneMotion(frame, stage.world.bodies)
         conditions = self._derive_once(stage.weather_state)
         found = scan_radar(placed, others, raycaster, motion, conditions, rng)
         stamp_s = stage.find_stamp("radar", agent, number)
         return RadarScan(placed.world_from_radar, found.detections, found.cube, stamp_s)
+
+    def _place(self, frame: Frame) -> tuple[Mapping[str, Sequence[PlacedRadar]], SceneMotion]:
+        """Place the radars of all agents at the time of a sample."""
+        if frame.time_s not in self._scenes:
+            poses = self.stage.poses
+            radars = {agent.id: place_radars(poses, agent, frame) for agent in poses.spec.agents}
+            self._scenes[frame.time_s] = radars, SceneMotion(frame, self.stage.world.bodies)
+        return self._scenes[frame.time_s]
 
     def _derive_conditions(self, state: int) -> RadarConditions:
         weather = self.stage.poses.timeline.weather_at(state)
