@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 import numpy as np
 import pytest
@@ -282,6 +283,19 @@ def test_a_fix_depends_on_its_number_alone() -> None:
     one, other = make_receiver(world), make_receiver(world)
     before = [one(number) for number in range(5)]
     assert other(4) == before[4] != before[3]
+
+
+def test_a_fix_takes_the_orbits_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    times: list[datetime] = []
+
+    def record(names: Any, time: datetime, origin: Geodetic) -> np.ndarray:
+        times.append(time)
+        return compute_satellites(names, time, origin)
+
+    monkeypatch.setattr("advercity.sensors.gnss.receiver.compute_satellites", record)
+    measure = make_receiver(build_flat_world())
+    assert all(measure(number) for number in range(3))
+    assert len(times) == len(set(times)) == 3
 
 
 def drive_out(time_s: float) -> Matrix:

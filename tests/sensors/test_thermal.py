@@ -13,6 +13,7 @@ from scipy import stats
 from advercity.frames import Frame
 from advercity.geometry.mesh import Mesh
 from advercity.geometry.poses import pose_matrix
+from advercity.physics import water
 from advercity.physics.atmosphere import compute_atmosphere
 from advercity.physics.infrared import STEFAN_BOLTZMANN, band_radiance, brightness_temperature
 from advercity.randomness import create_generator
@@ -105,6 +106,21 @@ def test_panes_mirror_the_cold_sky_and_a_wet_road_has_no_contrast() -> None:
     grass = build_box((400.0, 2.0, 0.2), (0.0, -2.0, -0.09), material="grass")
     dry, wet = (look(DAY | {"surface": {"wetness": wetness}}, grass)[0][-1] for wetness in (0, 1))
     assert np.ptp(wet) < 0.3 * np.ptp(dry)
+
+
+def test_puddles_are_found_once_an_image(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts: list[int] = []
+    is_in_puddle = water.is_in_puddle
+
+    def record(points: NDArray[np.floating[Any]], coverage: float) -> NDArray[np.bool_]:
+        counts.append(len(points))
+        return is_in_puddle(points, coverage)
+
+    monkeypatch.setattr(water, "is_in_puddle", record)
+    _, view = look(DAY | {"surface": {"wetness": 1, "puddle_coverage": 0.3}})
+    assert len(counts) == 1
+    on_road = view.hits.semantic == Semantic.ROAD
+    assert view.is_water[on_road].any() and not view.is_water.all()
 
 
 def test_panes_mirror_by_schlick_whatever_the_angle() -> None:

@@ -40,6 +40,27 @@ LOCK_STEP_S = 0.2
 
 
 @dataclass(frozen=True, eq=False)
+class _Sky:
+    """The n satellites over an antenna at a time.
+
+    Attributes:
+        satellites: (n, 3) in the world, m.
+        directions: (n, 3) from the antenna to them.
+        antenna: (3,) in the world, m.
+        is_above: (n,) whether they are above the mask.
+        open_cn0: (n,) carrier over noise density in the open, dB-Hz.
+        direct: (n,) the same along the straight path, -inf where it is blocked.
+    """
+
+    satellites: Float64Array
+    directions: Float64Array
+    antenna: Float64Array
+    is_above: NDArray[np.bool_]
+    open_cn0: Float64Array
+    direct: Float64Array
+
+
+@dataclass(frozen=True, eq=False)
 class _Signals:
     """Signals of all n satellites at a receiver.
 
@@ -100,16 +121,16 @@ class ReceiverInPlace:
         Returns:
             The fix of the carrier's origin; None with too few satellites or too much dilution.
         """
-        satellites, directions, antenna = self._place(time_s)
-        signals = self._track(time_s, velocity)
+        sky = self._look_once(time_s)
+        signals = self._track(sky, velocity)
         solution, used = self._select(signals, time_s)
-        errors = self._draw_errors(directions, number, step_s)
+        errors = self._draw_errors(sky.directions, number, step_s)
         error_m, sd_m = errors.compute(self._receiver, signals, solution)
-        ranges_m = np.linalg.norm(satellites - antenna, axis=1) + error_m
-        found = solve_position(satellites[used], ranges_m[used], sd_m[used])
+        ranges_m = np.linalg.norm(sky.satellites - sky.antenna, axis=1) + error_m
+        found = solve_position(sky.satellites[used], ranges_m[used], sd_m[used])
         if found is None:
             return None
-        dilution = compute_dilution(directions[used])
+        dilution = compute_dilution(sky.directions[used])
         if dilution.position > MAX_PDOP:
             return None
         pose = self._pose_at(time_s)
@@ -121,7 +142,7 @@ class ReceiverInPlace:
             longitude_deg=place.longitude_deg,
             altitude_m=place.altitude_m,
             time_s=stamp_s,
-            heading_rad=self._measure_heading(pose, directions, signals, errors),
+            heading_rad=self._measure_heading(pose, sky.directions, signals, errors),
             quality=SolutionQuality(
                 solution=solution,
                 satellites=int(used.sum()),
@@ -132,22 +153,15 @@ class ReceiverInPlace:
             ),
         )
 
-    def _place(self, time_s: float) -> tuple[Float64Array, Float64Array, Float64Array]:
-        """Return satellites (n, 3), directions to them (n, 3) and the antenna (3,)."""
+    def _look(self, time_s: float) -> _Sky:
+        """Find satellites and their direct signals."""
         pose, receiver = self._pose_at(time_s), self._receiver
         antenna = pose[:3, 3] + pose[:3, :3] @ np.array(receiver.antenna_m)
         time = self._start + timedelta(seconds=time_s)
         satellites = compute_satellites(receiver.constellations, time, self._origin)
         towards = satellites - antenna
-        return satellites, towards / np.linalg.norm(towards, axis=1)[:, None], antenna
-
-    def _look(self, time_s: float) -> tuple[NDArray[np.bool_], Float64Array, Float64Array]:
-        """Return the satellites above the mask, and strengths of open and direct signals (n,).
-
-        Strengths are in dB-Hz, -inf for blocked signals.
-        """
-        _, directions, antenna = self._place(time_s)
-        receiver, upwards = self._receiver, directions[:, 2]
+        directions = towards / np.linalg.norm(towards, axis=1)[:, None]
+        upwards = directions[:, 2]
         above = np.flatnonzero(upwards > math.sin(math.radians(receiver.mask_deg)))
         antennas = np.repeat(antenna[None], len(above), axis=0)
         blocked, foliage_db = self._sky.look(antennas, directions[above])
@@ -156,16 +170,14 @@ class ReceiverInPlace:
         direct[above] = np.where(blocked, -np.inf, open_cn0[above] - foliage_db)
         is_above = np.zeros(len(directions), np.bool_)
         is_above[above] = True
-        return is_above, open_cn0, direct
+        return _Sky(satellites, directions, antenna, is_above, open_cn0, direct)
 
-    def _track(self, time_s: float, velocity: Float64Array) -> _Signals:
+    def _track(self, sky: _Sky, velocity: Float64Array) -> _Signals:
         """Track all satellites: along the straight path, or else along a reflection alone."""
-        receiver = self._receiver
-        is_above, open_cn0, direct = self._look_once(time_s)
-        _, directions, antenna = self._place(time_s)
+        receiver, open_cn0, direct = self._receiver, sky.open_cn0, sky.direct
         reflected = self._sky.find_reflections(
-            antenna,
-            np.where(is_above[:, None], directions, [0.0, 0.0, -1.0]),
+            sky.antenna,
+            np.where(sky.is_above[:, None], sky.directions, [0.0, 0.0, -1.0]),
             cross_polar_db=receiver.cross_polar_db,
         )
         ratio = reflected.amplitude * 10.0 ** (np.minimum(open_cn0 - direct, 200.0) / 20.0)
@@ -175,13 +187,13 @@ class ReceiverInPlace:
         code_m, phase_m = compute_multipath(
             np.where(is_direct, ratio, 0.0),
             reflected,
-            directions,
+            sky.directions,
             velocity,
             correlator_chips=receiver.correlator_chips,
             loop_hz=receiver.loop_hz,
         )
         return _Signals(
-            visible=is_above & np.isfinite(direct),
+            visible=sky.is_above & np.isfinite(direct),
             tracked=is_direct | is_mirrored,
             carrier=is_direct & (direct >= receiver.carrier_db_hz) & (ratio < 0.7),
             cn0=np.where(is_direct, direct, mirrored),
@@ -206,7 +218,7 @@ class ReceiverInPlace:
         last = math.floor(time_s / LOCK_STEP_S)
         first = last - round(self._receiver.time_to_fix_s / LOCK_STEP_S)
         steps = range(max(first, 0), max(last, 0) + 1)
-        strengths = [self._look_once(round(step * LOCK_STEP_S, 6))[2] for step in steps]
+        strengths = [self._look_once(round(step * LOCK_STEP_S, 6)).direct for step in steps]
         return np.min(strengths, axis=0) >= self._receiver.carrier_db_hz
 
     def _draw_errors(self, directions: Float64Array, number: int, step_s: float) -> "_Errors":

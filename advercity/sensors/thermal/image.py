@@ -54,6 +54,7 @@ class ThermalView:
         seen: (n,) numbers of the rays with a hit.
         hits: Their hits (n).
         points: (n, 3) float32 of the hits in the world.
+        is_water: (n,) whether they are on standing water.
         sun_fraction: (n,) fraction of the sun on each hit.
         sky_fraction: (n,) fraction of the sky over each hit.
         mirrored: (n, 3) float32 mirrored directions of the rays.
@@ -65,6 +66,7 @@ class ThermalView:
     seen: IndexArray
     hits: RayHits
     points: FloatArray
+    is_water: NDArray[np.bool_]
     sun_fraction: Float64Array
     sky_fraction: Float64Array
     mirrored: FloatArray
@@ -108,7 +110,8 @@ def cast_thermal(
     points = origins[seen] + hits.range_m[:, None] * ahead
     along = (ahead * hits.normal).sum(axis=1, keepdims=True)
     mirrored = ahead - 2.0 * along * hits.normal
-    is_mirror = IS_SMOOTH[hits.material] | _find_puddles(hits, points, conditions)
+    is_water = _find_puddles(hits, points, conditions)
+    is_mirror = IS_SMOOTH[hits.material] | is_water
     raycaster.place(frame, hide | {item.actor.id for item in frame.states if not item.is_parked})
     shelter = _Shelter(raycaster, points + np.float32(_OFF_SURFACE_M) * hits.normal)
     sun = conditions.sun_direction.astype(np.float32)
@@ -120,6 +123,7 @@ def cast_thermal(
         seen=seen,
         hits=hits,
         points=points,
+        is_water=is_water,
         sun_fraction=shelter.find_open(np.flatnonzero(faces_sun), sun, MAX_RANGE_M),
         sky_fraction=_find_sky_fraction(hits.normal, shelter),
         mirrored=mirrored,
@@ -173,9 +177,8 @@ def _compute_radiance(
         hits, conditions, view.sun_fraction, view.sky_fraction
     )
     warm_road_users(temperature, hits, view.points, states, conditions, seed=seed)
-    is_water = _find_puddles(hits, view.points, conditions)
-    mirrors = IS_SMOOTH[hits.material] | is_water
-    facing = np.where(is_water, WATER_MIRROR, 1.0 - emissivity)
+    mirrors = IS_SMOOTH[hits.material] | view.is_water
+    facing = np.where(view.is_water, WATER_MIRROR, 1.0 - emissivity)
     reflectance = np.where(mirrors, _compute_schlick(facing, hits.cosine), 1.0 - emissivity)
     sky = air.sky_radiance(np.maximum(view.mirrored[:, 2], 0.0).astype(np.float64))
     ambient = band_radiance(air.air_k)
