@@ -293,10 +293,18 @@ def report_disk_errors(path: Path) -> Generator[None]:
                 " are renamed into place"
             ) from error
         remedy = "make room" if error.errno in _ERRORS_OF_FULL_DISKS else "make it writable"
+        kept = "; finished frames are kept" if _has_files(path) else ""
         raise RunError(
-            f"{error.filename or path}: {describe_cause(error)}; finished frames are kept:"
+            f"{error.filename or path}: {describe_cause(error)}{kept}:"
             f" {remedy} or choose another `output`, and run again"
         ) from error
+
+
+def _has_files(folder: Path) -> bool:
+    """Return whether a folder shows anything but hidden files, such as locks."""
+    with suppress(OSError):
+        return any(not path.name.startswith(".") for path in folder.iterdir())
+    return False
 
 
 def refuse_other_run(dataset: Path, scenarios: Iterable[str]) -> None:

@@ -172,7 +172,7 @@ def test_a_file_over_the_size_limit_is_reported_and_the_frame_is_absent(
 
     root = tmp_path / "full"
     message = in_a_child(lambda: run(root), limit)
-    assert "File too large; finished frames are kept" in message
+    assert "File too large: make room or choose another `output`" in message
     assert not list((root / spec.id).glob("*/*"))
     run(root)
     assert tree(root) == tree(original)

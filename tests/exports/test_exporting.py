@@ -1,5 +1,6 @@
 """What all exports have in common: they resume, replace nothing of others, and can be verified."""
 
+import errno
 import hashlib
 import json
 import re
@@ -304,6 +305,22 @@ def refuse(advercity: Command, *arguments: str | Path) -> str:
     assert (done.code, done.out) == (2, "")
     (line,) = done.err.splitlines()
     return line
+
+
+def test_a_disk_that_refuses_is_said_to_keep_frames_only_if_there_are_any(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(RunError, match=r"/proc/advercity: [^;]*: make it writable or") as error:
+        export_dataset("kitti", dataset, Path("/proc/advercity"))
+    assert "kept" not in str(error.value)
+
+    def refuse(*paths: Path) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    export_dataset("kitti", dataset, output := tmp_path / "kitti")
+    monkeypatch.setattr(export_folder, "write_file", refuse)
+    with pytest.raises(RunError, match="Permission denied; finished frames are kept: make it"):
+        export_dataset("kitti", dataset, output)
 
 
 def test_bad_input_is_explained(advercity: Command, dataset: Path, tmp_path: Path) -> None:
