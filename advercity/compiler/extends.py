@@ -116,13 +116,19 @@ def _resolve_chain(
     return ResolvedDeclaration(merge_mappings(merged, own), document, origins)
 
 
+def list_parents(document: SourceDocument) -> list[Any]:
+    """List the names that a document extends, as written."""
+    written = document.data.get("extends", [])
+    return cast(list[Any], written) if isinstance(written, list) else [written]
+
+
 def _find_parents(
     document: SourceDocument, name: DeclarationKey, documents: Documents, chain: tuple[str, ...]
 ) -> list[str]:
-    written = document.data["extends"]
-    parents = cast(list[Any], written) if isinstance(written, list) else [written]
+    is_list = isinstance(document.data["extends"], list)
+    parents = list_parents(document)
     for index, parent in enumerate(parents):
-        value_path = ("extends", index) if isinstance(written, list) else ("extends",)
+        value_path = ("extends", index) if is_list else ("extends",)
         if not isinstance(parent, str):
             message, hint = f"must name a {name[0]}", "write an id, or a list of ids"
             raise DiagnosticsError(document.build_diagnostic(value_path, message, hint=hint))

@@ -35,6 +35,7 @@ from advercity.compiler.extends import (
     DeclarationKey,
     Documents,
     ResolvedDeclaration,
+    list_parents,
     resolve_extends,
 )
 from advercity.compiler.lidar_models import apply_lidar_models, names_lidar_model
@@ -179,11 +180,12 @@ def load_library(*folders: Path) -> Library:
     diagnostics: list[Diagnostic] = []
     paths = [path for folder in folders for path in _list_declaration_files(folder, diagnostics)]
     documents = _index_documents(_read_documents(paths, diagnostics), diagnostics)
+    known = _add_shipped_parents(documents)
     entries: dict[DeclarationKey, LibraryEntry[Declaration]] = {}
     variants: dict[str, tuple[str, ...]] = {}
     for kind, name in documents:
         try:
-            built = _build_entries((kind, name), documents)
+            built = _build_entries((kind, name), known)
         except DiagnosticsError as error:
             diagnostics += error.diagnostics
             continue
@@ -213,9 +215,30 @@ def load_declaration(path: Path) -> LibraryEntry[Declaration]:
         # Errors in other files matter only if they hide the parent, which is then unknown.
         ignored: list[Diagnostic] = []
         neighbours = (other for other in sorted(path.parent.glob("*.yaml")) if other != path)
-        for paths in (neighbours, _list_declaration_files(find_shipped_library(), ignored)):
-            documents = _index_documents(_read_documents(paths, ignored), ignored) | documents
+        documents = _index_documents(_read_documents(neighbours, ignored), ignored) | documents
+        documents = _read_shipped_documents() | documents
     return _build_entries(name, documents)[0]
+
+
+def _add_shipped_parents(
+    documents: dict[DeclarationKey, SourceDocument],
+) -> dict[DeclarationKey, SourceDocument]:
+    """Add the shipped library's documents if a declaration extends one that is not in its own."""
+    parents = {
+        (kind, parent)
+        for (kind, _), document in documents.items()
+        for parent in list_parents(document)
+        if isinstance(parent, str)
+    }
+    missing = parents - documents.keys()
+    shipped = _read_shipped_documents() if missing else {}
+    return shipped | documents if missing & shipped.keys() else documents
+
+
+def _read_shipped_documents() -> dict[DeclarationKey, SourceDocument]:
+    ignored: list[Diagnostic] = []
+    paths = _list_declaration_files(find_shipped_library(), ignored)
+    return _index_documents(_read_documents(paths, ignored), ignored)
 
 
 def find_declaration_file(name: str, *folders: Path) -> Path:

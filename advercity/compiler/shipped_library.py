@@ -37,15 +37,23 @@ def copy_shipped_library(folder: Path) -> Path:
 
 def find_example(kind: str, name: str) -> Path | None:
     """Find the example with a name; None without one."""
-    for path in (find_shipped_library() / EXAMPLES_FOLDER).glob("*.yaml"):
+    return _find_declaration(EXAMPLES_FOLDER, kind, name)
+
+
+def _find_declaration(folder: str, kind: str, name: str) -> Path | None:
+    for path in find_shipped_library().glob(f"{folder}/*.yaml"):
         if path.stem == name and f"\nkind: {kind}\n" in path.read_text(encoding="utf-8"):
             return path
     return None
 
 
 def suggest_declaration(kind: str, name: str, valid: Iterable[str]) -> str:
-    """Return a hint with the example of this name, else with similar or all valid names."""
+    """Return a hint with the example or library of this name, else with similar or all names."""
     example = find_example(kind, name)
     if example is not None:
         return f"an example has this name; copy {example} into the library"
+    if _find_declaration("**", kind, name) is not None:
+        return (
+            "advercity's library has it; name its folder, too (`advercity library path` prints it)"
+        )
     return suggest_name(name, valid)

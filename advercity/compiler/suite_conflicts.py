@@ -157,7 +157,7 @@ def _solve_place(
     sample_key: tuple[str, ...],
 ) -> tuple[tuple[StagedConflict, ...], Road]:
     solutions: list[StagedConflict] = []
-    drive = build_ego_drive(to_plan_frame(cell.road))
+    drive = build_ego_drive(to_plan_frame(cell.road), ego.actor_class)
     not_before_s = compute_first_event_s(suite.timing)
     for index, conflict in enumerate(cell.conflicts, start=1):
         if solutions and solutions[-1].resolved_by == "nobody":
@@ -290,10 +290,11 @@ def _find_unstaged_groups(
 ) -> Iterator[Diagnostic]:
     """Find required groups not staged on their road, and staged groups not required.
 
-    A group without any declared conflict cannot be staged; this is no mistake of the suite.
+    Only a suite of all roads must cover the crash groups: who lists roads lists conflicts, too. A
+    group without any declared conflict cannot be staged; this is no mistake of the suite.
     """
     declared_id = library.find_declared_id(road.id)
-    if declared_id not in suite.stage:
+    if suite.roads != "all" or declared_id not in suite.stage:
         return
     wanted = {group.typology for group in groups[road.id]}
     staged = {find_typology(library, conflict) for conflict in conflicts}
@@ -303,13 +304,16 @@ def _find_unstaged_groups(
     for name in sorted((wanted & stageable) - staged):
         message = f"'{road.id}' is selected for {name}, which none of its scenarios stages"
         hint = (
-            "add one of that group's conflicts, or repeats until its turn; or stage single ones"
-            f" with `cross_conflicts: [{', '.join(item.id for item in conflicts)}]` instead"
+            "add one of that group's conflicts, or repeats until its turn; or list the suite's"
+            " `roads` in place of `all`, to stage any conflict on them"
         )
         yield library.build_diagnostic(suite, "stage", declared_id, message=message, hint=hint)
     for name in sorted(staged - wanted):
         message = f"no selected group calls for {name} on '{road.id}'"
-        hint = "leave the conflict out, or change the suite's selection or coverage"
+        hint = (
+            "leave the conflict out, change the suite's selection or coverage, or list the suite's"
+            " `roads` in place of `all`"
+        )
         yield library.build_diagnostic(suite, "stage", declared_id, message=message, hint=hint)
 
 

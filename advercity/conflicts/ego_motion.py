@@ -3,13 +3,14 @@
 Specs are solved on this prediction; at run time SUMO drives the ego, limited by `speed_profile`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from advercity_dsl import Road, StagedConflict, Vehicle
 from advercity_dsl.road import Signals
+from advercity_dsl.traffic import ActorClass
 from advercity_dsl.units import KM_H_PER_M_S
 from numpy.typing import NDArray
 
@@ -17,12 +18,16 @@ from advercity.geometry.polyline import StationedPolyline
 from advercity.roads.bend_speed import BEND_STEP_M, compute_bend_speeds
 from advercity.roads.routes import RoutePath, RoutePlanner, RouteSegment, build_ego_path
 
-NOMINAL_ACCELERATION_M_S2, NOMINAL_BRAKING_M_S2 = 2.5, 2.0
+NOMINAL_BRAKING_M_S2 = 2.0
 CRUISE_MARGIN_KM_H = 1.0
 """Connected vehicles cruise this much below their maximum speed, as in the original."""
 NOMINAL_STEP_M = 0.5
 GREEN_DELAY_S = 0.5
 """Time from green to setting out."""
+
+
+CONNECTED_ACCELERATION_M_S2: Mapping[ActorClass, float] = {"car": 2.5, "van": 2.0, "truck": 1.2}
+"""Acceleration of connected vehicles by class of their body; a car's is the original's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,20 +97,22 @@ def compute_nominal_motion(
     path: RoutePath,
     start_m: float,
     zones: Iterable[SpeedZone] = (),
+    *,
+    actor_class: ActorClass = "car",
 ) -> NominalMotion:
-    """Compute the motion of the ego from rest at `start_m` on its path."""
-    ego = road.ego
+    """Compute the motion of an ego of a class from rest at `start_m` on its path."""
+    ego, gain_m_s2 = road.ego, CONNECTED_ACCELERATION_M_S2[actor_class]
     stations = np.arange(start_m, path.length_m, NOMINAL_STEP_M)
     limit = _compute_speed_limit(ego, path.line, stations)
     for zone in zones:
         inside = (stations - start_m >= zone.from_m) & (stations - start_m <= zone.to_m)
         limit[inside] = np.minimum(limit[inside], zone.speed_m_s)
-    times = ego.waits_s + _integrate_times(stations, _compute_speeds(limit, ()))
+    times = ego.waits_s + _integrate_times(stations, _compute_speeds(limit, gain_m_s2))
     for before, after in pairwise(path.segments):
         at = int(np.searchsorted(stations, before.end_m))
         green = planner.find_next_green_s(before.street.id, after.street.id, float(times[at]))
         if green is not None and green > times[at] + GREEN_DELAY_S:
-            times = ego.waits_s + _integrate_times(stations, _compute_speeds(limit, (at,)))
+            times = ego.waits_s + _integrate_times(stations, _compute_speeds(limit, gain_m_s2, at))
             times[at:] += max(green + GREEN_DELAY_S - times[at], 0.0)
     return NominalMotion(stations, times)
 
@@ -116,6 +123,7 @@ def compute_free_drive_s(
     begin_m: float,
     end_m: float,
     *,
+    actor_class: ActorClass,
     first_m_s: float,
     top_m_s: float,
 ) -> float:
@@ -125,7 +133,8 @@ def compute_free_drive_s(
     """
     stations = np.arange(begin_m, end_m + NOMINAL_STEP_M, NOMINAL_STEP_M)
     limit = np.minimum(_compute_speed_limit(ego, path, stations), top_m_s)
-    speeds = _compute_speeds(limit, (), first_m_s)
+    gain_m_s2 = CONNECTED_ACCELERATION_M_S2[actor_class]
+    speeds = _compute_speeds(limit, gain_m_s2, first_m_s=first_m_s)
     return float(np.interp(end_m, stations, _integrate_times(stations, speeds)))
 
 
@@ -139,15 +148,14 @@ def _compute_speed_limit(
 
 
 def _compute_speeds(
-    limit: NDArray[np.float64], halts: tuple[int, ...], first_m_s: float = 0.0
+    limit: NDArray[np.float64], gain_m_s2: float, *halts: int, first_m_s: float = 0.0
 ) -> NDArray[np.float64]:
     """Compute speeds (n,) below a limit (n,), from a first one, with halts at some samples."""
     limit = limit.copy()
     limit[[0, *halts]] = first_m_s, *(0.0 for _ in halts)
     square = limit**2  # changes evenly with distance under constant acceleration
     gain, loss = (
-        2 * limit_m_s2 * NOMINAL_STEP_M
-        for limit_m_s2 in (NOMINAL_ACCELERATION_M_S2, NOMINAL_BRAKING_M_S2)
+        2 * limit_m_s2 * NOMINAL_STEP_M for limit_m_s2 in (gain_m_s2, NOMINAL_BRAKING_M_S2)
     )
     for index in range(1, len(square)):
         square[index] = min(square[index], square[index - 1] + gain)
@@ -182,6 +190,7 @@ class EgoDrive:
         end_m: Last station for a meeting.
         motion: Its motion from the scenario's start.
         zones: Where conflicts limit its speed.
+        actor_class: Class of the ego's body.
     """
 
     road: Road
@@ -192,6 +201,7 @@ class EgoDrive:
     end_m: float
     motion: NominalMotion
     zones: tuple[SpeedZone, ...] = ()
+    actor_class: ActorClass = "car"
 
     @property
     def intersection(self) -> tuple[str, RouteSegment, RouteSegment] | None:
@@ -209,8 +219,7 @@ class EgoDrive:
 
     def with_zones(self, *zones: SpeedZone) -> "EgoDrive":
         """Return the drive with other speed limits of conflicts."""
-        motion = compute_nominal_motion(self.road, self.planner, self.path, self.start_m, zones)
-        return replace(self, motion=motion, zones=zones)
+        return replace(self, zones=zones)._on_road(self.road)
 
     def with_lights(self, junction: str, lights: Signals | None) -> "EgoDrive":
         """Return the drive through a junction with another signal program, or without one."""
@@ -228,8 +237,10 @@ class EgoDrive:
         return self._on_road(self.road.model_copy(update={"agents": agents}))
 
     def _on_road(self, road: Road) -> "EgoDrive":
-        planner = RoutePlanner(road)
-        motion = compute_nominal_motion(road, planner, self.path, self.start_m, self.zones)
+        planner = self.planner if road is self.road else RoutePlanner(road)
+        motion = compute_nominal_motion(
+            *(road, planner, self.path, self.start_m, self.zones), actor_class=self.actor_class
+        )
         return replace(self, road=road, planner=planner, motion=motion)
 
     def segment_at(self, station_m: float) -> RouteSegment:
@@ -241,10 +252,12 @@ class EgoDrive:
         )
 
 
-def build_ego_drive(road: Road) -> EgoDrive:
-    """Predict the drive of a road's ego."""
+def build_ego_drive(road: Road, actor_class: ActorClass = "car") -> EgoDrive:
+    """Predict the drive of a road's ego, with a body of a class."""
     planner, ego = RoutePlanner(road), road.ego
     path, start_m, destination_m = build_ego_path(planner, ego)
-    motion = compute_nominal_motion(road, planner, path, start_m)
+    motion = compute_nominal_motion(road, planner, path, start_m, actor_class=actor_class)
     end_m = destination_m - DESTINATION_MARGIN_M
-    return EgoDrive(road, planner, ego.route, path, start_m, end_m, motion)
+    return EgoDrive(
+        *(road, planner, ego.route, path, start_m, end_m, motion), actor_class=actor_class
+    )

@@ -300,6 +300,7 @@ def _find_ego_arrival_s(
         path,
         begin_m,
         end_m,
+        actor_class=spec.blueprints[spec.ego.blueprint or ""].actor_class,
         first_m_s=float(np.linalg.norm(np.gradient(axles, tick_s, axis=0)[last])),
         top_m_s=conflict.parameters.get("ego_speed_km_h", np.inf) / KM_H_PER_M_S,
     )

@@ -11,6 +11,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 from advercity_dsl import ActorClass, DriverResponse
 
+from advercity.conflicts.ego_motion import CONNECTED_ACCELERATION_M_S2
 from advercity.traffic.demand import TrafficDemand, VehicleTrip
 from advercity.traffic.driving_styles import MEDIAN_STYLE, DrivingStyle
 from advercity.traffic.pedestrians import PedestrianTrip
@@ -44,13 +45,15 @@ class CarFollowing:
 
 CAR_FOLLOWING: Mapping[ActorClass, CarFollowing] = {
     "car": CarFollowing("passenger", 2.2, 3.0),
-    "van": CarFollowing("delivery", 2.0, 3.0),
-    "truck": CarFollowing("truck", 1.2, 2.5, headway_s=1.3),
+    "van": CarFollowing("delivery", CONNECTED_ACCELERATION_M_S2["van"], 3.0),
+    "truck": CarFollowing("truck", CONNECTED_ACCELERATION_M_S2["truck"], 2.5, headway_s=1.3),
     "bicycle": CarFollowing("bicycle", 1.0, 2.0, standing_gap_m=1.0, alignment="right"),
     "motorcycle": CarFollowing("motorcycle", 2.8, 3.0, standing_gap_m=1.5),
 }
 """Driving by class; the gaps apply at a red light, the original's 5 m at the start."""
-CONNECTED_CAR_FOLLOWING = CarFollowing("passenger", 2.5, 3.0, standing_gap_m=3.0)
+CONNECTED_CAR_FOLLOWING = CarFollowing(
+    "passenger", CONNECTED_ACCELERATION_M_S2["car"], 3.0, standing_gap_m=3.0
+)
 EMERGENCY_EXTRA_M_S2 = 4.0
 """Emergency braking less everyday braking."""
 LATERAL_SPEED_FRACTION = 0.2
@@ -93,7 +96,15 @@ def write_route_file(
 
 def find_driving(trip: VehicleTrip, *, is_connected: bool = False) -> CarFollowing:
     """Find the driving of a trip's class in clear weather."""
-    return CONNECTED_CAR_FOLLOWING if is_connected else CAR_FOLLOWING[trip.actor.actor_class]
+    usual = CAR_FOLLOWING[trip.actor.actor_class]
+    if not is_connected:
+        return usual
+    # A connected vehicle keeps to the middle of its lane, as its conflicts are solved there.
+    return replace(
+        CONNECTED_CAR_FOLLOWING,
+        acceleration_m_s2=CONNECTED_ACCELERATION_M_S2[trip.actor.actor_class],
+        deceleration_m_s2=min(usual.deceleration_m_s2, CONNECTED_CAR_FOLLOWING.deceleration_m_s2),
+    )
 
 
 def apply_driver_response(driving: CarFollowing, caution: DriverResponse | None) -> CarFollowing:

@@ -2,6 +2,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from advercity_dsl import Conflict
 
 from advercity.compiler import (
     find_weather,
@@ -11,6 +12,18 @@ from advercity.errors import InputError
 from tests.builders import SMALL_LIBRARY, Write, describe_errors
 
 FOG = "kind: weather\nid: fog\ntime: day\n"
+
+
+def test_a_conflict_builds_on_one_of_the_shipped_library_that_is_not_its_own(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "hook.yaml").write_text(
+        "kind: conflict\nid: hook\nextends: cyc_right_hook\ntitle: A truck turns\n"
+    )
+    library = load_library(tmp_path)
+    (conflict,) = library.get_declarations(Conflict).values()
+    assert (conflict.id, conflict.actor.comes) == ("hook", "alongside")
+    assert list(library.entries) == [("conflict", "hook")]
 
 
 def test_all_errors_of_all_files_are_reported_together_in_order(write: Write) -> None:

@@ -216,6 +216,22 @@ def test_what_keeps_a_conflict_from_happening_is_reported(mistake: str, copied: 
     assert message in str(caught.value)
 
 
+def test_a_suite_that_lists_its_roads_stages_any_conflict_on_them(copied: Path):
+    select_road(copied, "ri")
+    edited(
+        copied,
+        "suites/adver_city.yaml",
+        "ri: [ltap_od_ego_turns, cyc_nearside_obstructed]",
+        "ri: [ltap_od_ego_turns]",
+    )
+
+    specs = compile_library(copied, suite="adver_city")
+
+    assert {tuple(item.conflict for item in spec.conflicts) for spec in specs} == {
+        ("ltap_od_ego_turns",)
+    }
+
+
 def test_v13_ids_are_unique_and_specs_are_the_same_each_time(copied: Path):
     first, second = compile_library(copied), compile_library(copied)
 

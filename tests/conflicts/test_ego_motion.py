@@ -40,5 +40,19 @@ def test_the_ego_is_predicted_to_take_the_middle_of_a_double_bend_slower_than_it
     assert speed_at(motion, middle_m) == pytest.approx(np.cbrt(5.5 * 9 * RADIUS_M / 2), abs=0.1)
 
 
+def test_a_truck_as_ego_gets_going_as_slowly_as_one(specs: dict[str, Spec]):
+    """To 9.44 m/s, a time of v / 2a is lost: 1.89 s at 2.5 m/s2, 3.93 s at 1.2 m/s2."""
+    road = specs["ui_clear_day_sparse"].road
+    path = RoutePath(np.array([(0.0, 0.0), (200.0, 0.0)]), ())
+
+    car, truck = (
+        compute_nominal_motion(road, RoutePlanner(road), path, 0.0, actor_class=name)
+        for name in ("car", "truck")
+    )
+
+    assert car.time_at(150.0) == pytest.approx(road.ego.waits_s + 150 / 9.44 + 1.89, abs=0.1)
+    assert truck.time_at(150.0) - car.time_at(150.0) == pytest.approx(3.93 - 1.89, abs=0.05)
+
+
 def speed_at(motion: NominalMotion, station_m: float) -> float:
     return 2.0 / (motion.time_at(station_m + 1.0) - motion.time_at(station_m - 1.0))
