@@ -148,7 +148,8 @@ def _describe_unknown_choice(error: FieldError) -> MessageAndHint:
     # pydantic joins the choices to one text: "'a', 'b' or 'c'".
     valid = _split_list(error.context["expected"].replace(" or ", ","))
     message = f"{format_value(error.value)} is not allowed here"
-    return message, suggest_name(str(error.value), valid)
+    similar, all_choices = (suggest_name(name, valid) for name in (str(error.value), ""))
+    return message, similar if similar == all_choices else f"{similar} {all_choices}"
 
 
 def _describe_non_mapping(error: FieldError) -> MessageAndHint:

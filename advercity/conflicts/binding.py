@@ -14,6 +14,7 @@ from advercity_dsl import Conflict, Road, Vehicle
 from advercity_dsl.conflict import Manoeuvre
 from advercity_dsl.road import Sign, StripKind
 
+from advercity.roads.arms import JunctionArm
 from advercity.roads.plan_frame import name_in_world, to_plan_frame, to_world_frame
 from advercity.roads.routes import RoutePath, RoutePlanner, build_ego_path
 from advercity.roads.streets import StripLayout
@@ -193,10 +194,7 @@ def _build_stop_signs(planner: RoutePlanner, junction: str, main: str) -> Iterat
     for street in dict.fromkeys(item.from_street for item in planner.movements[junction]):
         if abs(np.sin(planner.approach_heading(street, junction) - heading)) > SIDE_STREET_SINE:
             layout = planner.streets[street]
-            along = layout.ends == junction
-            outer_t = layout.strips_in_direction(along=along)[-1].outer_t
-            east, north = layout.directed_line(outer_t, along=along)[-1, :2]
-            yield Sign(street=street, kind="stop", at_m=(round(east, 2), round(north, 2)))
+            yield JunctionArm(layout, is_street_end=layout.ends == junction).place_stop_sign()
 
 
 FOLLOWING_DISTANCE_M = 25.0

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from advercity_dsl.base import ValuePath
-from advercity_dsl.road import Junction, Movement, StripKind
+from advercity_dsl.road import Junction, Movement, Sign, StripKind
 
 from advercity.errors import InputError
 from advercity.geometry import polyline
@@ -95,6 +95,12 @@ class JunctionArm:
                 return self.to_arm_offset(strip.inner_t), self.to_arm_offset(strip.outer_t)
         return None
 
+    def place_stop_sign(self) -> Sign:
+        """Place a stop sign for arriving traffic, at the outer edge of its strips."""
+        outer_t = self.inbound_strips()[-1].outer_t
+        east, north, _ = self.point_at(self.to_arm_offset(outer_t))
+        return Sign(street=self.street.id, kind="stop", at_m=(round(east, 2), round(north, 2)))
+
     def turn_angle(self, target: "JunctionArm") -> float:
         """Compute the angle in radians into another arm, positive to the left."""
         out, into = -self.outward_direction, target.outward_direction
@@ -148,6 +154,16 @@ def _check_arm(name: str, arm: JunctionArm, others: list[JunctionArm]) -> None:
     else:
         return
     raise MisplacedPartError(("streets", arm.street.id, "path"), message)
+
+
+def complete_stop_signs(declared: Junction, arms: Sequence[JunctionArm]) -> Junction:
+    """Add a stop sign for every arriving street of an all-way stop that declares none."""
+    if declared.control != "all_way_stop":
+        return declared
+    signed = {sign.street for sign in declared.signs}
+    arriving = (arm for arm in arms if _count_lanes(arm.inbound_strips()))
+    added = (arm.place_stop_sign() for arm in arriving if arm.street.id not in signed)
+    return declared.model_copy(update={"signs": (*declared.signs, *added)})
 
 
 def list_movements(declared: Junction, arms: Sequence[JunctionArm]) -> list[Movement]:

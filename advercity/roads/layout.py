@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from advercity.errors import InputError
 from advercity.geometry import curves, polyline
 from advercity.geometry.polyline import Points
-from advercity.roads.arms import JunctionArm, build_arms, list_movements
+from advercity.roads.arms import (
+    JunctionArm,
+    build_arms,
+    complete_stop_signs,
+    list_movements,
+)
 from advercity.roads.streets import StreetLayout, lay_out_streets
 
 CROSSING_SETBACK_M = 0.6
@@ -77,7 +82,7 @@ class JunctionLayout:
 
     Attributes:
         id: Declared id.
-        declared: The declaration.
+        declared: The declaration, with the stop signs of an all-way stop.
         arms: Ends of its streets, counter-clockwise.
         roadway_outline: (n, 3) edge of its roadway, counter-clockwise, open.
         corners: One per arm, from it to the next.
@@ -121,7 +126,7 @@ def lay_out_junction(
     by_street = {arm.street.id: arm for arm in arms}
     return JunctionLayout(
         id=name,
-        declared=declared,
+        declared=complete_stop_signs(declared, arms),
         arms=arms,
         roadway_outline=outline,
         corners=corners,

@@ -160,6 +160,8 @@ def _node_type(junction: JunctionLayout) -> str:
     match junction.declared.control:
         case "signals":
             return "traffic_light"
+        case "all_way_stop":
+            return "allway_stop"
         case "stop":
             return "allway_stop" if everywhere else "priority_stop"
         case "yield":

@@ -1,6 +1,7 @@
 """Layout of streets and junctions."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,10 @@ from pydantic import ValidationError
 from advercity.errors import InputError
 from advercity.roads.arms import MisplacedPartError
 from advercity.roads.layout import RoadLayout, interpolate_mean_value_height, lay_out_road
+from advercity.roads.plan_frame import mirror_road
+from advercity.roads.road_network import build_road
 from advercity.roads.routes import RoutePlanner
+from advercity.roads.sumo_network import write_sumo_network
 
 NAMES = ("ui", "unj", "ri", "rsnj", "rcnj")
 
@@ -213,6 +217,24 @@ def test_every_leg_of_a_signal_cycle_has_green(cycle: str, complaint: str | None
         return
     with pytest.raises(ValidationError, match=complaint):
         Road.model_validate(data)
+
+
+@pytest.mark.sumo
+def test_an_all_way_stop_has_a_sign_at_the_right_of_every_arriving_street(tmp_path: Path) -> None:
+    """Streets end 20 m from the middle; their only lane is 3 m wide."""
+    road = cross(1)
+    junction = road.junctions["j"].model_copy(update={"control": "all_way_stop"})
+    road = road.model_copy(update={"junctions": {"j": junction}})
+
+    signs = lay_out_road(road).junctions["j"].declared.signs
+    written = write_sumo_network(road, tmp_path).read_text()
+
+    at_m = {"west": (-20, -3), "east": (20, 3), "south": (3, -20), "north": (-3, 20)}
+    assert {sign.street: sign.at_m for sign in signs} == at_m
+    assert {sign.kind for sign in signs} == {"stop"}
+    assert 'id="j" type="allway_stop"' in written
+    left = build_road(mirror_road(road)).traffic_signs
+    assert {sign.position_m for sign in left} == {(east, -north) for east, north in at_m.values()}
 
 
 def test_movements_are_a_list_or_all() -> None:

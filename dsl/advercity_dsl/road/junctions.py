@@ -131,8 +131,8 @@ class Sign(Model):
 class Junction(CompactModel):
     """A junction of streets, with its permitted movements."""
 
-    control: Literal["signals", "priority", "stop", "yield", "none"] = "none"
-    """Rule of right of way."""
+    control: Literal["signals", "priority", "all_way_stop", "stop", "yield", "none"] = "none"
+    """Rule of right of way; `all_way_stop` puts a stop sign at every street without one."""
     movements: Movements = "all"
     """Lane links through it, `north.1 > east.1`; `all` leads into every other street."""
     corner_radius_m: Annotated[PositiveMetres, Field(ge=0.1, le=200)] = 5.0
