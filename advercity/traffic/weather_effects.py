@@ -125,7 +125,7 @@ def light_high_beams(frame: Frame, fraction: float, *, seed: int) -> Frame:
         distance_m = np.hypot(*away.T)
         is_ahead = away @ ahead > math.cos(BEAM_HALF_ANGLE_RAD) * distance_m
         dip_m = np.where(heading @ ahead > math.cos(math.pi / 4), DIP_BEHIND_M, DIP_FOR_ONCOMING_M)
-        dazzled = is_ahead & (distance_m > 0.0) & (distance_m < dip_m)
+        dazzled = is_ahead & (distance_m < dip_m)
         return state.lamps if dazzled.any() else state.lamps | Lamp.HIGH_BEAM
 
     states = tuple(replace(state, lamps=lit(state)) for state in frame.states)

@@ -1,5 +1,6 @@
 """Metadata that mlcroissant validates and loads, and the card of a dataset."""
 
+import csv
 import json
 import os
 import shutil
@@ -7,7 +8,10 @@ from collections import Counter
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
+from advercity_exports.croissant import TABLES
+from numpy.typing import NDArray
 
 from advercity.dataset.reader import open_dataset
 from advercity.exports.exporting import export_dataset
@@ -44,6 +48,43 @@ def test_mlcroissant_finds_no_fault_and_loads_the_records(exported: Path, two_ro
     assert box["yaw_rad"] == pytest.approx(poses.to_yaw_pitch_roll(pose)[0], abs=1e-6)
     assert box["length_m"] == pytest.approx(view.boxes.sizes[0, 0], abs=1e-6)
     assert box["parked"] is False
+
+
+def test_each_view_and_each_box_is_a_row_with_its_own_numbers(
+    exported: Path, two_roads: Path
+) -> None:
+    def place(pose: NDArray[np.float64]) -> list[float]:
+        return [*pose[:3, 3], np.arctan2(pose[1, 0], pose[0, 0])]
+
+    frames: list[list[float]] = []
+    objects: list[list[float]] = []
+    keys: list[tuple[str, ...]] = []
+    for frame in open_dataset(two_roads):
+        for view in frame.views.values():
+            boxes = view.load_steady_boxes()
+            keys.append((frame.scenario.path.name, view.agent.id, str(frame.index)))
+            pose = place(view.world_from_agent)
+            frames.append([frame.time_s, *pose, view.speed_m_s, len(boxes)])
+            objects += [
+                [
+                    *(boxes.ids[row], *place(boxes.world_from_box[row]), *boxes.sizes[row]),
+                    *(boxes.speeds_m_s[row], boxes.distances_m[row], boxes.lidar_points[row]),
+                ]
+                for row in range(len(boxes))
+            ]
+
+    texts = [(exported / f"{name}.csv").read_text().splitlines() for name in TABLES]
+    tables = [list(csv.DictReader(lines)) for lines in texts]
+    at = ["x_m", "y_m", "z_m", "yaw_rad"]
+    size = ["length_m", "width_m", "height_m"]
+    names = [
+        ["time_s", *at, "speed_m_s", "objects"],
+        ["object_id", *at, *size, "speed_m_s", "distance_m", "lidar_points"],
+    ]
+    assert [(row["scenario"], row["agent"], row["frame"]) for row in tables[0]] == keys
+    for table, columns, expected in zip(tables, names, (frames, objects), strict=True):
+        found = [[float(row[name]) for name in columns] for row in table]
+        np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
 def test_the_date_is_that_of_the_last_manifest(two_roads: Path, tmp_path: Path) -> None:

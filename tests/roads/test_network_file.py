@@ -2,7 +2,11 @@
 
 from xml.etree.ElementTree import fromstring
 
+import numpy as np
 import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from advercity.roads.network_file import parse_network
 
@@ -19,3 +23,18 @@ def test_a_lane_of_impossible_width_is_refused(width: str):
 def test_a_narrow_lane_is_read():
     (lane,) = parse_network(fromstring(NETWORK.format("0.4"))).lanes
     assert lane.width_m == 0.4
+
+
+@settings(max_examples=25)
+@given(radius_m=st.floats(8, 60), width_m=st.floats(1, 5), margin_m=st.floats(0, 1))
+def test_a_lane_that_runs_around_a_ring_and_on_covers_the_ring(
+    radius_m: float, width_m: float, margin_m: float
+):
+    turn = np.linspace(0, 2.2 * np.pi, 200)
+    shape = " ".join(f"{radius_m * np.cos(at)},{radius_m * np.sin(at)}" for at in turn)
+    text = NETWORK.format(width_m).replace("0,0 10,0", shape)
+    (lane,) = parse_network(fromstring(text)).lanes
+    area = lane.build_area(margin_m)
+    # All around, without the hole that an outline drawn twice would have.
+    assert area.area == pytest.approx(2 * np.pi * radius_m * (width_m + 2 * margin_m), rel=0.01)
+    assert not area.contains(shapely.Point(0, 0))

@@ -8,11 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from advercity_dsl.positioning import SatelliteReceiver
+from advercity_dsl.positioning import ConstellationName, SatelliteReceiver
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
-from advercity.geometry.geodesy import Geodetic, enu_from_geodetic
+from advercity.geometry.geodesy import Geodetic, enu_from_ecef, enu_from_geodetic
 from advercity.geometry.poses import Matrix, pose_matrix
 from advercity.rendering.raycaster import Raycaster
 from advercity.semantics import Semantic
@@ -48,6 +51,41 @@ def test_gps_turns_twice_in_a_sidereal_day_and_comes_back() -> None:
         for after in (0.0, sidereal_s)
     )
     assert np.linalg.norm(later - now, axis=1).max() < 0.005 * CONSTELLATIONS["gps"].radius_m
+
+
+@given(
+    name=st.sampled_from(sorted(CONSTELLATIONS)),
+    since_h=st.floats(-24 * 3650, 24 * 3650),
+    latitude_deg=st.floats(-89, 89),
+    longitude_deg=st.floats(-180, 180),
+)
+def test_planes_of_orbits_stand_still_while_the_earth_turns_east(
+    name: ConstellationName, since_h: float, latitude_deg: float, longitude_deg: float
+) -> None:
+    epoch = datetime(2000, 1, 1, 12, tzinfo=UTC)
+    origin = Geodetic(latitude_deg, longitude_deg, 0.0)
+    earth_from_plan = Rotation.from_euler(
+        "ZYX", [90 + longitude_deg, 0, 90 - latitude_deg], degrees=True
+    )
+    places: list[NDArray[np.float64]] = []
+    for hour in (since_h, since_h + 0.5):
+        found = compute_satellites([name], epoch + timedelta(hours=hour), origin)
+        ecef = earth_from_plan.apply(found - enu_from_ecef(np.zeros(3), origin))
+        # Meeus, Astronomical Algorithms, 12.4, in days since noon of 2000-01-01.
+        turned_deg = 280.46061837 + 360.98564736629 * hour / 24
+        places.append(Rotation.from_euler("z", turned_deg % 360, degrees=True).apply(ecef))
+
+    walker = CONSTELLATIONS[name]
+    normals = np.cross(places[0], places[1])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    np.testing.assert_allclose(
+        np.degrees(np.arccos(normals[:, 2])), walker.inclination_deg, atol=1e-4
+    )
+    nodes_deg = np.degrees(np.arctan2(normals[:, 0], -normals[:, 1])) % 360
+    expected = np.repeat(np.arange(walker.planes), walker.satellites // walker.planes)
+    off = (nodes_deg - expected * 360 / walker.planes + 180) % 360 - 180
+    np.testing.assert_allclose(off, 0, atol=0.05)
+    np.testing.assert_allclose(np.linalg.norm(places[0], axis=1), walker.radius_m, rtol=1e-9)
 
 
 def test_galileo_turns_seventeen_times_in_ten_days() -> None:
@@ -207,6 +245,18 @@ def test_thermal_noise_is_that_of_the_loops() -> None:
     # At 20 dB-Hz the loop loses a quarter: sqrt(15 / 100 * (1 + 1 / (2 * 0.02 * 100))) rad.
     weak_deg = compute_phase_noise(np.array([20.0]))[0] / WAVELENGTH_M * 360
     assert weak_deg == pytest.approx(24.81, rel=1e-3)
+
+
+@given(cn0_db_hz=st.floats(15, 55), spacing=st.floats(0.02, 1), loop_hz=st.floats(0.05, 20))
+def test_noise_of_the_code_follows_spacing_and_bandwidth(
+    cn0_db_hz: float, spacing: float, loop_hz: float
+) -> None:
+    receiver = SatelliteReceiver(correlator_chips=spacing, loop_hz=loop_hz)
+    cn0 = 10 ** (cn0_db_hz / 10)
+    # Betz and Kolodziejski (2009): early minus late power, 20 ms of integration, in squared chips.
+    variance = loop_hz * spacing / (2 * cn0) + loop_hz * spacing / ((2 - spacing) * 0.02 * cn0**2)
+    found_m = compute_code_noise(np.array([cn0_db_hz]), receiver)[0]
+    assert found_m == pytest.approx(293.052 * math.sqrt(variance), rel=1e-4)
 
 
 def make_receiver(

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from advercity_dsl import Spec
+from scipy.stats import lognorm
 
 from advercity.frames import Trace
 from advercity.traffic.driving_styles import MEDIAN_STYLE, draw_driving_style
@@ -24,6 +25,27 @@ def test_a_driver_is_the_same_in_every_run_and_unlike_others():
         [getattr(one, name) for one in styles] for name in ("headway_ratio", "gap_ratio")
     )
     assert abs(np.corrcoef(headways, gaps)[0, 1]) < 0.15
+
+
+@pytest.mark.parametrize(
+    ("name", "median", "sigma", "least", "greatest"),
+    [
+        ("headway_ratio", 1.0, 0.35, 0.5, 2.2),
+        ("gap_ratio", 1.0, 0.35, 0.5, 2.2),
+        ("acceleration_ratio", 0.85, 0.2, 0.6, 1.0),
+        ("braking_ratio", 1.0, 0.28, 0.5, 2.0),
+    ],
+)
+def test_ratios_of_drivers_are_log_normal_within_their_limits(
+    name: str, median: float, sigma: float, least: float, greatest: float
+):
+    ratios = np.sort([getattr(draw_driving_style(3, number), name) for number in range(2000)])
+    assert (ratios[0], ratios[-1]) == (least, greatest)
+    inside = (ratios > least) & (ratios < greatest)
+    expected = lognorm(sigma, scale=median).cdf(ratios)
+    found = np.arange(1, len(ratios) + 1) / len(ratios)
+    # Kolmogorov and Smirnov's distance at a level of 0.1 %.
+    assert np.abs(found - expected)[inside].max() < 1.95 / np.sqrt(len(ratios))
 
 
 @pytest.mark.parametrize("seed", [1, 90210])
