@@ -33,7 +33,7 @@ def list_stripes(
     for way in document.ways.values():
         styles = way.tags.get("subtype", "").split("_")
         offsets = STRIPE_OFFSETS_M.get((way.tags.get("type", ""), len(styles)), ())
-        if not offsets or not set(styles) <= {"solid", "dashed"}:
+        if not set(styles) <= {"solid", "dashed"}:
             continue
         is_yellow = way.tags.get("color") == "yellow"
         line = np.array([points[node] for node in way.nodes if node in points]).reshape(-1, 3)
