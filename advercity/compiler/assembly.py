@@ -35,6 +35,7 @@ from advercity.compiler.library import Library, LibraryEntry
 from advercity.compiler.scenarios import (
     ScenarioInputs,
     SweepStep,
+    SweepSteps,
     build_spec_id,
     draw_scenario_weather,
     localize_weather,
@@ -83,7 +84,7 @@ def build_spec(
         f"{get_declaration_kind(item)}/{item.id}": library.find_entry(item).digest
         for item in declarations
     }
-    step, staged = inputs.step, {conflict.typology for conflict in conflicts}
+    staged = {conflict.typology for conflict in conflicts}
     spec = Spec(
         id=inputs.id,
         groups=tuple(group for group in groups if group.typology in staged),
@@ -113,7 +114,7 @@ def build_spec(
             declarations=dict(sorted(digests.items())),
             draws=_format_draws(inputs.draws),
             conflict=inputs.conflicts.crossed_id,
-            sweep=SweepPoint(field=step.field, value=step.value) if step else None,
+            sweep=_record_sweeps(inputs.steps),
             repeat=inputs.repeat,
             settled=traffic.settlement,
             # Replaced below, since the digest covers everything but itself.
@@ -123,14 +124,19 @@ def build_spec(
     return with_digest(spec)
 
 
+def _record_sweeps(steps: SweepSteps) -> SweepPoint | tuple[SweepPoint, ...] | None:
+    points = tuple(SweepPoint(field=step.field, value=step.value) for step in steps)
+    return points if len(points) > 1 else next(iter(points), None)
+
+
 def with_weather(spec: Spec, entry: LibraryEntry[Weather]) -> Spec:
     """Return the scenario under another weather, equal to its suite's own spec for it."""
     provenance, declared = spec.provenance, entry.declaration
-    step = SweepStep(provenance.sweep.field, provenance.sweep.value) if provenance.sweep else None
+    steps = tuple(SweepStep(point.field, point.value) for point in provenance.sweep_points)
     name = build_spec_id(
-        spec.road, declared, spec.density, step, provenance.conflict, provenance.repeat
+        spec.road, declared, spec.density, steps, provenance.conflict, provenance.repeat
     )
-    weather, draws = draw_scenario_weather(entry, spec.seeds.weather, name, step)
+    weather, draws = draw_scenario_weather(entry, spec.seeds.weather, name, steps)
     digests = {
         key: digest
         for key, digest in provenance.declarations.items()
@@ -212,7 +218,7 @@ def _find_reaction_conditions(
     if reference is None:
         return ReactionConditions(friction=grip.dry, is_paired=True)
     entry, seed = library.find_entry(reference), suite.seeds.weather
-    drawn, _ = draw_scenario_weather(entry, seed, reference.id, None)
+    drawn, _ = draw_scenario_weather(entry, seed, reference.id, ())
     conditions = compute_reaction_conditions(grip, drawn)
     return conditions.model_copy(update={"is_paired": True})
 

@@ -27,7 +27,7 @@ from advercity.compiler.scenarios import (
     ScenarioInputs,
     TrafficKey,
     build_scenario_inputs,
-    expand_sweep,
+    expand_sweeps,
     parse_conditions,
 )
 from advercity.compiler.settling import Settler, SolvedTraffic
@@ -195,7 +195,7 @@ def compile_suite(
         _logger.warning("%s", line)
     scenarios = _build_scenarios(library, suite, resolved, groups, require_sun=require_sun)
     by_traffic = {inputs.traffic_key: inputs for inputs in scenarios}
-    by_demand = {(item.road.id, item.density.id, item.step): item for item in scenarios}
+    by_demand = {(item.road.id, item.density.id, item.steps): item for item in scenarios}
     _run_checks(
         partial(check_demand, library, inputs.road, inputs.density) for inputs in by_demand.values()
     )
@@ -287,7 +287,7 @@ def _build_scenarios(
 ) -> list[ScenarioInputs]:
     """Build the inputs of every crossing, sweep step and repeat within the suite's `where`."""
     source = library.find_entry(suite).source
-    conditions, steps = parse_conditions(suite, source), expand_sweep(suite, source)
+    conditions, steps = parse_conditions(suite, source), expand_sweeps(suite, source)
     repeats = range(1, suite.repeats + 1) if suite.repeats > 1 else (None,)
     places = select_conflicts(library, suite, resolved.roads, groups)
     factors = (places, resolved.weathers, resolved.densities, steps, repeats)

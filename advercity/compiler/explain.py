@@ -106,7 +106,7 @@ def _describe_origin(path: str, spec: Spec, entries: Entries) -> str:
     if path in provenance.draws:
         distribution = provenance.draws[path].model_dump(exclude_none=True)
         return f"drawn from {distribution}, {_describe_source(path, spec, entries)}"
-    if provenance.sweep and path == provenance.sweep.field:
+    if any(path == point.field for point in provenance.sweep_points):
         source = entries["suite"].source
         return f"step of the sweep, {source.document.path}:{source.find_position(('sweep',)).line}"
     for beginning, rule in DERIVATION_RULES.items():

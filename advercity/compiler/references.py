@@ -6,7 +6,7 @@ from advercity_dsl import Catalogue, Conflict, Suite, Weather
 from advercity_dsl.base import suggest_name
 
 from advercity.compiler.library import Library
-from advercity.compiler.scenarios import expand_sweep, parse_conditions
+from advercity.compiler.scenarios import expand_sweeps, parse_conditions
 from advercity.diagnostics import Diagnostic, DiagnosticsError
 
 SUITE_REFERENCES = {
@@ -56,7 +56,7 @@ def _check_suite(library: Library, suite: Suite) -> Iterator[Diagnostic]:
             yield from library.check_reference(suite, *at, kind="conflict", name=name)
     source = library.find_entry(suite).source
     yield from _collect(lambda: parse_conditions(suite, source))
-    yield from _collect(lambda: expand_sweep(suite, source))
+    yield from _collect(lambda: expand_sweeps(suite, source))
 
 
 def _check_bodies(library: Library, suite: Suite) -> Iterator[Diagnostic]:

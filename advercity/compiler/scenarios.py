@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, TypeVar
 
 from advercity_dsl import (
@@ -21,7 +22,7 @@ from advercity_dsl import (
     get_declaration_kind,
 )
 from advercity_dsl.base import MAX_ID_LENGTH, ValuePath, suggest_name
-from advercity_dsl.suite import Looks, Sweep, ValueRange
+from advercity_dsl.suite import MAX_SWEEP_STEPS, Looks, Sweep, ValueRange
 from advercity_dsl.weather_components import Sun
 
 from advercity.compiler.distributions import Distributions, draw_weather
@@ -147,29 +148,47 @@ def _get_value(model: Model | None, value_path: ValuePath) -> Any:
     return value
 
 
-def expand_sweep(suite: Suite, source: ResolvedDeclaration) -> list[SweepStep | None]:
-    """Return the steps of a suite's sweep; one None without a sweep.
+SweepSteps = tuple[SweepStep, ...]
+"""A step of each of a suite's sweeps."""
+
+
+def expand_sweeps(suite: Suite, source: ResolvedDeclaration) -> list[SweepSteps]:
+    """Return the crossed steps of a suite's sweeps; one empty tuple without a sweep.
 
     Raises:
-        DiagnosticsError: The field is not a number, or a value has an invalid unit.
+        DiagnosticsError: A field is not a number or swept twice, a value has an invalid unit,
+            or there are too many steps.
     """
-    sweep = suite.sweep
-    if sweep is None:
-        return [None]
+    fields = [sweep.field for sweep in suite.sweeps.values()]
+    for index, field in enumerate(fields):
+        if field in fields[:index]:
+            message, hint = f"'{field}' is swept twice", "join their values"
+            at = ("sweep", index, "field")
+            raise DiagnosticsError(source.build_diagnostic(at, message, hint=hint))
+    expanded = [_expand_sweep(at, sweep, source) for at, sweep in suite.sweeps.items()]
+    count = math.prod(map(len, expanded))
+    if count > MAX_SWEEP_STEPS:
+        message = f"crosses to {count:,} steps; the limit is {MAX_SWEEP_STEPS:,}"
+        hint = "give fewer values, or fewer sweeps"
+        raise DiagnosticsError(source.build_diagnostic(("sweep",), message, hint=hint))
+    return list(product(*expanded))
+
+
+def _expand_sweep(at: ValuePath, sweep: Sweep, source: ResolvedDeclaration) -> list[SweepStep]:
     kind, value_path = parse_field_path(sweep.field)
     constraints = find_number_constraints(DECLARATIONS[kind], value_path)
     if constraints is None:
         unknown = _suggest_path_part(kind, value_path)
         message = "is not a number" if unknown is None else "no such field"
         hint = unknown or "a sweep varies a number"
-        raise DiagnosticsError(source.build_diagnostic(("sweep", "field"), message, hint=hint))
+        raise DiagnosticsError(source.build_diagnostic((*at, "field"), message, hint=hint))
     try:
         values = _compute_sweep_values(sweep, constraints)
     except ValueError as error:
-        raise DiagnosticsError(source.build_diagnostic(("sweep",), str(error))) from None
+        raise DiagnosticsError(source.build_diagnostic(at, str(error))) from None
     if len(set(values)) < len(values):
         message, hint = "two steps have the same value", "reduce the count, or widen the range"
-        raise DiagnosticsError(source.build_diagnostic(("sweep",), message, hint=hint))
+        raise DiagnosticsError(source.build_diagnostic(at, message, hint=hint))
     return [SweepStep(sweep.field, value) for value in values]
 
 
@@ -201,13 +220,13 @@ def _parse_number(constraints: NumberConstraints, value: Any) -> float:
     return int(number) if constraints.whole and number == int(number) else number
 
 
-TrafficKey = tuple[str, str, str | None, SweepStep | None, tuple[str, ...]]
-"""Road, density, crossed conflict, step of the sweep and key of the sample."""
+TrafficKey = tuple[str, str, str | None, SweepSteps, tuple[str, ...]]
+"""Road, density, crossed conflict, steps of the sweeps and key of the sample."""
 
 
 @dataclass(frozen=True)
 class ScenarioInputs:
-    """Declarations of one scenario, with its weather drawn and its sweep step applied."""
+    """Declarations of one scenario, with its weather drawn and its sweep steps applied."""
 
     id: str
     road: Road
@@ -217,7 +236,7 @@ class ScenarioInputs:
     catalogue: Catalogue
     channel: Channel | None
     draws: Distributions
-    step: SweepStep | None
+    steps: SweepSteps
     conflicts: RoadConflicts
     looks: Looks
     repeat: int | None
@@ -238,13 +257,12 @@ class ScenarioInputs:
     @property
     def origin(self) -> dict[str, str]:
         """Declarations and values in the id."""
-        step = self.step
         return {
             "road": self.road.id,
             "conflict": self.conflicts.crossed_id or "none",
             "weather": self.weather.id,
             "density": self.density.id,
-            **({step.field: repr(step.value)} if step else {}),
+            **{step.field: repr(step.value) for step in self.steps},
             "repeat": str(self.repeat),
         }
 
@@ -260,7 +278,7 @@ class ScenarioInputs:
     @property
     def traffic_key(self) -> TrafficKey:
         """Key shared by scenarios with the same traffic."""
-        return self.road.id, self.density.id, self.conflicts.crossed_id, self.step, self.sample_key
+        return self.road.id, self.density.id, self.conflicts.crossed_id, self.steps, self.sample_key
 
     @property
     def sample_key(self) -> tuple[str, ...]:
@@ -284,12 +302,12 @@ def build_scenario_inputs(
     library: Library,
     suite: Suite,
     crossed: CrossedDeclarations,
-    step: SweepStep | None,
+    steps: SweepSteps,
     repeat: int | None,
     *,
     require_sun: bool,
 ) -> ScenarioInputs:
-    """Build the inputs of one crossing of a suite at one step of its sweep and one repeat.
+    """Build the inputs of one crossing of a suite at one step of each sweep and one repeat.
 
     Raises:
         DiagnosticsError: The id is too long, a drawn or swept value is not valid, or
@@ -297,33 +315,34 @@ def build_scenario_inputs(
     """
     conflicts, weather, density, rig, catalogue, channel = crossed
     entry = library.find_entry(weather)
-    name = build_spec_id(conflicts.road, weather, density, step, conflicts.crossed_id, repeat)
+    name = build_spec_id(conflicts.road, weather, density, steps, conflicts.crossed_id, repeat)
     if len(name) > MAX_ID_LENGTH:
         message = f"makes the id '{name}', which is longer than {MAX_ID_LENGTH} characters"
         hint = "shorten the ids of which it consists"
         raise DiagnosticsError(library.build_diagnostic(suite, "id", message=message, hint=hint))
     try:
-        drawn, draws = draw_scenario_weather(entry, suite.seeds.weather, name, step)
-        density = _apply_sweep_step(library, density, step)
+        drawn, draws = draw_scenario_weather(entry, suite.seeds.weather, name, steps)
+        density = _apply_sweep_steps(library, density, steps)
         # Conflicts are solved on the road with the sweep and the limits applied.
         conflicts = conflicts.change_roads(
-            lambda road: apply_speed_limits(_apply_sweep_step(library, road, step), density)
+            lambda road: apply_speed_limits(_apply_sweep_steps(library, road, steps), density)
         )
-        rig = _apply_sweep_step(library, rig, step)
-        catalogue = _apply_sweep_step(library, catalogue, step)
-        channel = _apply_channel_step(library, suite, channel, step)
+        rig = _apply_sweep_steps(library, rig, steps)
+        catalogue = _apply_sweep_steps(library, catalogue, steps)
+        channel = _apply_channel_steps(library, suite, channel, steps)
     except DiagnosticsError as error:
-        if step is None:
+        if not steps:
             raise
         first = error.diagnostics[0]
-        message = f"{step.field} of {step.value:g} is not valid: {first.message}"
+        swept = " with ".join(f"{step.field} of {step.value:g}" for step in steps)
+        message = f"{swept} is not valid: {first.message}"
         raise DiagnosticsError(
             library.build_diagnostic(suite, "sweep", message=message, hint=first.hint)
         ) from None
     road = conflicts.road
     weather = localize_weather(entry, drawn, road, require_sun=require_sun)
     return ScenarioInputs(
-        *(name, road, weather, density, rig, catalogue, channel, draws, step, conflicts),
+        *(name, road, weather, density, rig, catalogue, channel, draws, steps, conflicts),
         *(suite.looks, repeat, suite.pairing == "weather"),
     )
 
@@ -347,25 +366,29 @@ def apply_speed_limits(road: Road, density: Density) -> Road:
 
 
 def draw_scenario_weather(
-    entry: LibraryEntry[Weather], seed: int, spec_id: str, step: SweepStep | None
+    entry: LibraryEntry[Weather], seed: int, spec_id: str, steps: SweepSteps
 ) -> tuple[Weather, Distributions]:
     """Draw the weather of one spec; return it with the drawn distributions."""
     source, distributions = entry.source, entry.distributions
-    if step is not None and step.kind == "weather":
+    swept = [step for step in steps if step.kind == "weather"]
+    for step in swept:
         # The swept value replaces a distribution at its path, which then is not drawn.
         source = source.replace_value(step.value_path, step.value)
         distributions = {
             path: item for path, item in distributions.items() if path != step.value_path
         }
-    elif not distributions:
+    if not swept and not distributions:
         return entry.declaration, {}
     return draw_weather(source, distributions, seed, spec_id), distributions
 
 
-def _apply_sweep_step(library: Library, item: DeclarationT, step: SweepStep | None) -> DeclarationT:
-    if step is None or step.kind != get_declaration_kind(item):
+def _apply_sweep_steps(library: Library, item: DeclarationT, steps: SweepSteps) -> DeclarationT:
+    swept = [step for step in steps if step.kind == get_declaration_kind(item)]
+    if not swept:
         return item
-    source = library.find_entry(item).source.replace_value(step.value_path, step.value)
+    source = library.find_entry(item).source
+    for step in swept:
+        source = source.replace_value(step.value_path, step.value)
     changed = validate_model(type(item), source)
     if isinstance(item, Road) and isinstance(changed, Road):
         # The road came with map, agents and surroundings of its style, and its ego set; keep them.
@@ -377,12 +400,12 @@ def _apply_sweep_step(library: Library, item: DeclarationT, step: SweepStep | No
     return changed
 
 
-def _apply_channel_step(
-    library: Library, suite: Suite, channel: Channel | None, step: SweepStep | None
+def _apply_channel_steps(
+    library: Library, suite: Suite, channel: Channel | None, steps: SweepSteps
 ) -> Channel | None:
-    if channel is None or step is None or step.kind != "channel":
+    if channel is None or all(step.kind != "channel" for step in steps):
         return channel
-    changed = _apply_sweep_step(library, channel, step)
+    changed = _apply_sweep_steps(library, channel, steps)
     untimely = [*find_untimely_messages(library, suite, changed)]
     if untimely:
         raise DiagnosticsError(*untimely)
@@ -393,16 +416,16 @@ def build_spec_id(
     road: Road,
     weather: Weather,
     density: Density,
-    step: SweepStep | None,
+    steps: SweepSteps,
     crossed: str | None,
     repeat: int | None,
 ) -> str:
     """Build `<road>_<weather>_<density>`.
 
-    A crossed conflict comes after the road, a step of a sweep and the number of a repeat at the
+    A crossed conflict comes after the road, steps of sweeps and the number of a repeat at the
     end: `ui_clear_day_dense_r2`.
     """
-    suffixes = step.suffix if step else None, f"r{repeat}" if repeat else None
+    suffixes = *(step.suffix for step in steps), f"r{repeat}" if repeat else None
     parts = (road.id, crossed, weather.id, density.id, *suffixes)
     return "_".join(part for part in parts if part)
 

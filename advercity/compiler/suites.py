@@ -248,11 +248,10 @@ def _check_swept_channel(
     library: Library, declared: Suite, suite: ResolvedSuite
 ) -> Iterator[Diagnostic]:
     """Check that a suite with a swept channel field has a channel."""
-    sweep = declared.sweep
-    if suite.channel is None and sweep is not None and sweep.field.startswith("channel."):
-        message, hint = "the suite has no channel", "name one: `channel: ideal`"
-        at = ("sweep", "field")
-        yield library.build_diagnostic(declared, *at, message=message, hint=hint)
+    for at, sweep in declared.sweeps.items():
+        if suite.channel is None and sweep.field.startswith("channel."):
+            message, hint = "the suite has no channel", "name one: `channel: ideal`"
+            yield library.build_diagnostic(declared, *at, "field", message=message, hint=hint)
 
 
 def find_untimely_messages(

@@ -145,13 +145,14 @@ class Scenario(Sequence[FrameView]):
     @property
     def labels(self) -> Mapping[str, str]:
         """Properties by which scenarios differ: weather, time, density, road, swept value."""
-        spec, swept = self.spec, self.spec.provenance.sweep
+        spec = self.spec
+        swept = [format_swept_value(point.value) for point in spec.provenance.sweep_points]
         return {
             "weather": spec.weather.id,
             "time": spec.weather.time,
             "density": spec.density.id,
             "road": spec.road.id,
-            **({} if swept is None else {"sweep": format_swept_value(swept.value)}),
+            **({"sweep": ", ".join(swept)} if swept else {}),
         }
 
     @cached_property

@@ -296,9 +296,9 @@ def describe_spec(spec: Spec) -> Description:
         facts["drivers"] = f"{spec.drivers.id}: {_describe_driver_response(spec.caution)}"
     if spec.channel:
         facts["channel"] = _describe_channel(spec.channel)
-    swept = spec.provenance.sweep
+    swept = [f"{point.field} at {point.value:g}" for point in spec.provenance.sweep_points]
     drawn = {f"drawn {path}": str(item) for path, item in spec.provenance.draws.items()}
-    return facts | drawn | ({"sweep": f"{swept.field} at {swept.value:g}"} if swept else {})
+    return facts | drawn | ({"sweep": ", ".join(swept)} if swept else {})
 
 
 def _describe_conflict(conflict: StagedConflict, timing: Timing) -> str:

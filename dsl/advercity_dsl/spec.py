@@ -101,7 +101,8 @@ class Provenance(Model):
     """SHA-256 of every declaration used, by `kind/id`."""
     draws: dict[str, Distribution] = Field(default_factory=dict, max_length=1000)
     """Distributions behind the drawn numbers of the spec, by path of the number."""
-    sweep: SweepPoint | None = None
+    sweep: SweepPoint | tuple[SweepPoint, ...] | None = None
+    """Field and value in the suite's sweep, or one for each of its sweeps."""
     conflict: Id | None = Field(default=None, exclude_if=is_empty)
     """Conflict crossed with the roads of the suite."""
     repeat: Count | None = Field(default=None, exclude_if=is_empty)
@@ -110,6 +111,13 @@ class Provenance(Model):
     """Outcome of the search for traffic in which all conflicts happen; None without a search."""
     digest: Digest
     """SHA-256 of the spec itself, this field excluded."""
+
+    @property
+    def sweep_points(self) -> tuple[SweepPoint, ...]:
+        """Fields and values in the suite's sweeps."""
+        if isinstance(self.sweep, tuple):
+            return self.sweep
+        return () if self.sweep is None else (self.sweep,)
 
 
 class Spec(Model):

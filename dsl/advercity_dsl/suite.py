@@ -186,6 +186,15 @@ class Sweep(Model):
         return self
 
 
+def _find_sweep_tag(value: object) -> str:
+    return "together" if isinstance(value, list | tuple) else "alone"
+
+
+Sweeps = Annotated[
+    Annotated[Sweep, Tag("alone")] | Annotated[Items[Sweep], Tag("together")],
+    Discriminator(_find_sweep_tag),
+]
+"""A sweep, or a list of sweeps to cross."""
 ConflictFit = Literal["primary", "extension", "variant"]
 """How a conflict matches a road: its group requires such a road, it can be staged there, or it
 could be staged there without the traffic lights."""
@@ -214,8 +223,8 @@ class Suite(Declaration):
         default_factory=dict, max_length=1000
     )
     """Conditions on scenarios, by field: a value, one of several values, or a range."""
-    sweep: Sweep | None = None
-    """Variation of one field over many values."""
+    sweep: Sweeps | None = None
+    """Variation of one field over many values; a list of sweeps is crossed."""
     stage: ByName[Items[Id]] = Field(default_factory=dict)
     """Conflicts staged in the scenarios of a road, by road id, in the order of occurrence."""
     staged_at_once: Annotated[Count, Field(ge=1)] | None = Field(default=None, exclude_if=is_none)
@@ -264,6 +273,13 @@ class Suite(Declaration):
     repeat ends a scenario's id; the first one has the traffic of a suite without repeats."""
     timing: Timing = Timing()
     """Start and end of scenarios."""
+
+    @property
+    def sweeps(self) -> dict[tuple[str | int, ...], Sweep]:
+        """Sweeps by their paths in the suite; empty without any."""
+        if isinstance(self.sweep, tuple):
+            return {("sweep", index): item for index, item in enumerate(self.sweep)}
+        return {} if self.sweep is None else {("sweep",): self.sweep}
 
     @model_validator(mode="after")
     def _check_pairing(self) -> Self:

@@ -1,10 +1,11 @@
 import pytest
+from advercity_dsl import Spec
 
 from advercity.compiler import (
     compare_specs,
 )
 from advercity.errors import InputError
-from tests.builders import Compile
+from tests.builders import Compile, Write, describe_errors
 
 SUITE = "kind: suite\nid: small\nrig: one_camera\ncatalogue: one_car\n"
 FOG = "kind: weather\nid: fog\ntime: day\n"
@@ -19,6 +20,39 @@ def test_a_sweep_names_its_steps_by_value_and_keeps_the_traffic(compile_small: C
         "lane_clear_day_sparse_mor_m_1000": 1000,
     }
     assert len({spec.seeds.traffic for spec in specs.values()}) == 1
+
+
+def test_two_sweeps_are_crossed(compile_small: Compile) -> None:
+    sweeps = (
+        "sweep: [{field: weather.fog.mor_m, values: [50 m, 90 m]},"
+        " {field: density.vehicles, from: 1, to: 3, count: 3}]\n"
+    )
+    specs = compile_small(suite=SUITE + sweeps)
+    assert {name: (s.weather.fog.mor_m, s.density.vehicles) for name, s in specs.items()} == {
+        f"lane_clear_day_sparse_mor_m_{metres}_vehicles_{factor}": (metres, factor)
+        for metres in (50, 90)
+        for factor in (1, 2, 3)
+    }
+    spec = specs["lane_clear_day_sparse_mor_m_90_vehicles_2"]
+    points = {point.field: point.value for point in spec.provenance.sweep_points}
+    assert points == {"weather.fog.mor_m": 90, "density.vehicles": 2}
+    assert Spec.model_validate_json(spec.model_dump_json()) == spec
+
+
+@pytest.mark.parametrize(
+    ("second", "message"),
+    [
+        ("{field: weather.fog.mor_m, values: [7]}", "sweep.1.field: 'weather.fog.mor_m' is swept"),
+        ("{field: density.walkers, from: 1, to: 2, count: 101}", "sweep: crosses to 1,010 steps"),
+        ("{field: density.vehicle, values: [1]}", "sweep.1.field: no such field"),
+        ("{field: density.vehicles}", "sweep.1: has no values"),
+    ],
+)
+def test_what_two_sweeps_cannot_be_is_told_at_the_one_at_fault(
+    write: Write, second: str, message: str
+) -> None:
+    first = "{field: weather.fog.mor_m, from: 10, to: 100, count: 10}"
+    assert message in describe_errors(write(suite=SUITE + f"sweep: [{first}, {second}]\n"))
 
 
 @pytest.mark.parametrize(

@@ -67,19 +67,15 @@ def tabulate_degradation(
 
 def _group_by_value(scenarios: Sequence[Scenario]) -> tuple[str, dict[float, list[ScenarioFacts]]]:
     """Group the facts of scenarios by the swept value, lowest first, and name the field."""
-    swept = [scenario.spec.provenance.sweep for scenario in scenarios]
-    fields = {point.field for point in swept if point is not None}
-    if None in swept or len(fields) != 1:
+    swept = [scenario.spec.provenance.sweep_points for scenario in scenarios]
+    fields = {point.field for points in swept for point in points}
+    if len(fields) != 1 or not all(swept):
         found = ", ".join(sorted(fields)) or "none"
         raise InputError(
             f"{scenarios[0].path.parent}: its scenarios are not those of one sweep"
             f" (swept: {found}); run the specs of a suite with one, as degradation_rain"
         )
-    pairs = [
-        (point.value, scenario)
-        for point, scenario in zip(swept, scenarios, strict=True)
-        if point is not None
-    ]
+    pairs = [(point.value, scenario) for (point,), scenario in zip(swept, scenarios, strict=True)]
     grouped: dict[float, list[ScenarioFacts]] = {}
     for value, scenario in sorted(pairs, key=lambda pair: pair[0]):
         grouped.setdefault(value, []).append(collect_scenario_facts(scenario))
