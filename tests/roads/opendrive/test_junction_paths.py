@@ -95,6 +95,17 @@ def test_links_and_places_say_what_a_contact_point_contradicts(
     assert list_ways(network) == {("road_1+", "road_2+")}
 
 
+@pytest.mark.parametrize("contact", ["start", "end"])
+def test_a_road_that_does_not_name_its_junction_is_entered_at_its_nearer_end(
+    contact: str, tmp_path: Path
+) -> None:
+    nameless = road("1", 50.0, ONE_WAY)
+    middle = build_connecting(ONE_WAY, linked("predecessor", "road", "1", contact), AFTER)
+    junction = build_junction(connection("1", "50", "start", (-1, -1)))
+    network = import_text(tmp_path, nameless, middle, EAST, junction)
+    assert list_ways(network) == {("road_1+", "road_2+")}
+
+
 @pytest.mark.parametrize("length_m", [0.0002, 0.0015, 0.009])
 def test_a_road_of_less_than_a_centimetre_links_those_around_it(
     length_m: float, tmp_path: Path
