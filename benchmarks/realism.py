@@ -1,4 +1,4 @@
-"""Figures of the traffic and the LiDARs of shipped scenarios next to measured ones.
+"""Figures of the traffic, the LiDARs and the counts of shipped scenarios next to measured ones.
 
     python benchmarks/realism.py [compiled/ui_clear_day_dense.json ...]
 
@@ -13,13 +13,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import shapely
 from advercity_dsl import Spec
 from numpy.typing import NDArray
 
 from advercity.compiler import read_spec
+from advercity.conflicts.crossing_people import find_crossing_people, find_roadway
 from advercity.conflicts.report import build_traffic_report
 from advercity.frames import Trace
-from advercity.pipeline.preparation import load_or_simulate_traffic
+from advercity.pipeline.preparation import (
+    TrafficResult,
+    load_or_build_world,
+    load_or_simulate_traffic,
+)
+from advercity.rendering.raycaster import Raycaster
+from advercity.sensors.agent_poses import AgentPoses
+from advercity.sensors.annotation import count_lidar_hits
+from advercity.sensors.lidar import cast_scan
+from advercity.sensors.stage import list_carrier_ids
 
 sys.path.append(str(Path(__file__).parents[1] / "docs"))
 from make_lidar_calibration import compare_all  # pyright: ignore[reportMissingImports]
@@ -36,6 +47,11 @@ QUEUE_GAP_M = 8.0
 STEADY_M_S2 = 0.005
 FREE_M_S2 = 0.5
 """Acceleration below which a driver neither brakes for something nor sets out."""
+KERB_M = 1.5
+"""Greatest distance from the roadway of a person who waits to cross it."""
+ANNOTATED_STEP = 20
+"""Step of the frames in which annotations are counted."""
+PAPER = "Adver-City's paper"
 STOP_FROM_M_S, BRAKES_M_S2 = 5.0, 0.3
 """Speed from which a stop counts, and deceleration from which it begins."""
 
@@ -116,12 +132,6 @@ def format_traffic(specs: Sequence[Spec], traces: Sequence[Trace]) -> str:
         for name in ("accelerations_m_s2", "headways_s", "standing_gaps_m", "stops_m_s2")
     )
     free = acceleration[np.abs(acceleration) < FREE_M_S2]
-    declared = {spec.demand.crossing_share for spec in specs} - {0.0}
-    shares = [
-        f"{build_traffic_report(spec, trace, '').crossing_share or 0.0:.2f}"
-        for spec, trace in zip(specs, traces, strict=True)
-        if spec.demand.crossing_share
-    ]
     rows = (
         ("moving, with an acceleration of 0", f"{np.mean(acceleration == 0):.1%}", "0 %", "-"),
         (
@@ -161,14 +171,79 @@ def format_traffic(specs: Sequence[Spec], traces: Sequence[Trace]) -> str:
             "1.5 in Britain, 3.7 in the United States",
             "Bell, 1977; Long, Transportation Research Record 1796, 2002",
         ),
-        (
-            "people who set foot on a roadway, by scenario",
-            ", ".join(shares),
-            ", ".join(f"{share:g}" for share in sorted(declared)),
-            "declared, by road: Adver-City's crossing factor",
-        ),
     )
+    people = [
+        describe_crossing_people(spec, trace)
+        for spec, trace in zip(specs, traces, strict=True)
+        if spec.demand.crossing_share
+    ]
+    return format_table([*rows, *people])
+
+
+def describe_crossing_people(spec: Spec, trace: Trace) -> tuple[str, str, str, str]:
+    """Describe how many people set foot on a roadway, and where the others of them are."""
+    staged = {actor.number for conflict in spec.conflicts for actor in conflict.actors}
+    people = {one.id for one in trace.actors if one.actor_class == "pedestrian"} - staged
+    roadway = find_roadway(spec)
+    crossed = people & find_crossing_people(trace, roadway)
+    last = trace.states[trace.states["tick"] == len(trace) - 1]
+    ids = np.array([one.id for one in trace.actors])[last["actor"]]
+    is_waiting = (last["speed"] < STANDING_M_S) & (
+        shapely.distance(roadway, shapely.points(last["x"], last["y"])) < KERB_M
+    )
+    waiting = (people - crossed) & set(ids[is_waiting].tolist())
+    declared = round(spec.demand.crossing_share * len(people))
+    kept = max(declared - len(crossed) - len(waiting), 0)
+    reasons = (
+        (len(waiting), "still at a kerb"),
+        (kept, "kept off all crossings, where they would block others"),
+    )
+    return (
+        f"people who set foot on a roadway, {spec.id}",
+        ", ".join([f"{len(crossed)} of {len(people)}", *(f"{n} {why}" for n, why in reasons if n)]),
+        str(declared),
+        f"declared share of {spec.demand.crossing_share:g}: Adver-City's crossing factor",
+    )
+
+
+def format_counts(specs: Sequence[Spec], traffic: Sequence[TrafficResult]) -> str:
+    """Format the counts of frames, road users and annotations next to the paper's."""
+    reports = [
+        build_traffic_report(spec, one.trace, "") for spec, one in zip(specs, traffic, strict=True)
+    ]
+    annotated = [count_annotations(*pair) for pair in zip(specs, traffic, strict=True)]
+    means = (
+        ("frames of a scenario", [one.frames for one in reports], "219"),
+        ("vehicles of a scenario", [one.vehicles for one in reports], "52"),
+        ("people of a scenario", [one.pedestrians for one in reports], "44"),
+        ("annotated road users a frame", annotated, "37: 890,000 in 24,000 frames"),
+    )
+    rows = [
+        (name, f"{np.mean(found):.0f} ({min(found):.0f} to {max(found):.0f})", paper, PAPER)
+        for name, found, paper in means
+    ]
     return format_table(rows)
+
+
+def count_annotations(spec: Spec, traffic: TrafficResult) -> float:
+    """Count the road users a frame that a beam of any agent's first LiDAR meets, in the mean.
+
+    Each counts once, and parked cars do not, as in the original's summaries.
+    """
+    poses = AgentPoses(spec, traffic.trace)
+    raycaster = Raycaster(load_or_build_world(spec, traffic.network_path))
+    counts: list[int] = []
+    for index in range(0, len(traffic.trace), ANNOTATED_STEP):
+        frame = poses.load_frame(index)
+        moving = {state.actor.id for state in frame.states if not state.is_parked}
+        met: set[int] = set()
+        for agent in spec.agents:
+            raycaster.place(frame, hide=list_carrier_ids(agent))
+            pose = poses.world_from_sensors("lidar", agent, frame)[0]
+            lidar = agent.sensors.lidar
+            met.update(count_lidar_hits(cast_scan(lidar, pose, raycaster), lidar))
+        counts.append(len(met & moving))
+    return float(np.mean(counts))
 
 
 def format_lidars() -> str:
@@ -198,8 +273,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("specs", nargs="*", type=Path, default=SPECS)
     specs = [read_spec(path) for path in parser.parse_args().specs]
-    traces = [load_or_simulate_traffic(spec).trace for spec in specs]
-    print(format_traffic(specs, traces), format_lidars(), sep="\n", end="")
+    traffic = [load_or_simulate_traffic(spec) for spec in specs]
+    tables = (
+        format_traffic(specs, [one.trace for one in traffic]),
+        format_lidars(),
+        format_counts(specs, traffic),
+    )
+    print(*tables, sep="\n", end="")
 
 
 if __name__ == "__main__":
