@@ -265,8 +265,14 @@ def test_the_ego_comes_at_red_and_turns_left_on_green(simulated: Simulated):
     stop_line_y = -118.3
     crosses = int(np.argmax(rows["y"] < stop_line_y))
 
-    # The lights are timed for its conflict: it has green before it would have to stop.
+    # The lights are timed for its conflict: it has green before it would have to stop. As long as
+    # they are red, it could stop in front of the line with little more than its usual 3 m/s2.
     assert rows["speed"][:crosses].min() < 0.5 * rows["speed"][:crosses].max()
+    light = trace.signals[:, trace.signal_ids.index("j_main/north_road")]
+    red = rows[: int(np.argmax(light != Signal.RED))]
+    room_m = red["y"] - actor(trace, EGO).size[0] / 2 - stop_line_y
+    assert len(red) > 30 and room_m.min() > 0
+    assert (red["speed"] ** 2 / (2 * room_m)).max() < 3.5
     assert trace.build_frame(0).signals["j_main/north_road"] is Signal.RED
     assert trace.build_frame(crosses).signals["j_main/north_road"] is Signal.GREEN
     assert trace.build_frame(crosses).get_state(EGO).lamps & Lamp.LEFT
