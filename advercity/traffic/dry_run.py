@@ -135,7 +135,9 @@ class _DryRuns:
         trace = dry_run.trace
         if self._has_untriggered and self._wait_for_ego(recording):
             return None
-        if self._redraw_ego_blockers(demand, trace) or self._reschedule(previous, demand, trace):
+        if self._redraw_ego_blockers(demand, recording, trace) or self._reschedule(
+            previous, demand, trace
+        ):
             return None
         return self._check_result(demand, recording)
 
@@ -168,11 +170,13 @@ class _DryRuns:
         self.reason = "another connected vehicle arrives before the ego has met its actors"
         return True
 
-    def _redraw_ego_blockers(self, demand: TrafficDemand, trace: Trace) -> bool:
+    def _redraw_ego_blockers(
+        self, demand: TrafficDemand, recording: SumoRecording, trace: Trace
+    ) -> bool:
         """Redraw blockers of an ego that an actor waits for in vain; False without any."""
         if not self._has_untriggered:
             return False
-        self.reason = format_unmet_conflicts(self._spec, self._schedules)
+        self.reason = format_unmet_conflicts(self._spec, self._schedules, recording)
         blockers = _find_background_blockers(self._spec, demand, trace) or self._blockers
         self._redraw(blockers)
         return bool(blockers)
@@ -306,17 +310,26 @@ class _DryRuns:
             self._redraws[number] = self._redraws.get(number, 0) + 1
 
 
-def format_unmet_conflicts(spec: Spec, schedules: Mapping[int, ActorSchedule]) -> str:
-    """Format the conflicts that the ego did not pass, as a sentence."""
+def format_unmet_conflicts(
+    spec: Spec, schedules: Mapping[int, ActorSchedule], recording: SumoRecording
+) -> str:
+    """Format the conflicts that the ego did not pass, and the end of the run, as a sentence."""
     names = [
         f"{conflict.id} ({conflict.conflict})"
         for conflict in spec.conflicts
         if any(schedules[actor.number].is_untriggered for actor in conflict.actors)
     ]
-    timing = spec.timing
+    timing, missed = spec.timing, f"the ego does not cross the path of {', '.join(names)} before"
+    for agent in spec.agents:
+        if agent.number in recording.arrived and not agent.is_ego:
+            left_s = len(recording) * timing.tick_s
+            return (
+                f"{missed} {agent.id} leaves the site {left_s:g} s after the start, which ends the"
+                f" scenario; let {agent.id} wait (waits_s) or drive farther, or lower the density"
+            )
     end_s = timing.max_ticks * timing.tick_s
     return (
-        f"the ego does not cross the path of {', '.join(names)} before it arrives or the scenario"
+        f"{missed} it arrives or the scenario"
         f" ends, {end_s:g} s after the start (max_ticks {timing.max_ticks}); raise"
         " timing.max_ticks or lower the density"
     )

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -20,13 +22,14 @@ from advercity.conflicts.trajectories import compute_lateral_offsets
 from advercity.errors import RunError
 from advercity.frames import Trace
 from advercity.roads.sumo_network import write_sumo_network
-from advercity.traffic.dry_run import format_blockages
+from advercity.traffic.dry_run import format_blockages, format_unmet_conflicts
 from advercity.traffic.route_file import (
     CAR_FOLLOWING,
     CONNECTED_CAR_FOLLOWING,
     EMERGENCY_EXTRA_M_S2,
 )
 from advercity.traffic.simulation import simulate_in_subprocess
+from advercity.traffic.sumo_recording import SumoRecording
 
 pytestmark = pytest.mark.sumo
 ROADS = ("ui", "unj", "ri", "rsnj", "rcnj")
@@ -257,6 +260,21 @@ def test_a_scenario_that_ends_before_its_conflict_says_what_to_change(
         " the scenario ends, 6.5 s after the start (max_ticks 65); raise timing.max_ticks or lower"
         " the density"
     ) in str(caught.value)
+
+
+def test_a_vehicle_that_ends_a_scenario_before_its_conflict_is_named(specs: dict[str, Spec]):
+    spec = specs["unj_clear_day_sparse"]
+    schedules: Any = {
+        actor.number: SimpleNamespace(is_untriggered=True) for actor in spec.conflicts[0].actors
+    }
+    ended = SumoRecording({}, (), np.zeros((233, 0), np.uint8), arrived=frozenset({102}))
+
+    message = format_unmet_conflicts(spec, schedules, ended)
+
+    assert message.startswith(
+        "the ego does not cross the path of conflict_1 (ped_farside_crossing) before cav2 leaves"
+        " the site 23.3 s after the start, which ends the scenario; let cav2 wait (waits_s)"
+    )
 
 
 def test_the_message_names_blocking_and_blocked_actors(specs: dict[str, Spec]):
