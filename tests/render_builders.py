@@ -16,6 +16,8 @@ from advercity.physics.sky import build_airlight_cubemap
 from advercity.rendering.raycaster import MATERIAL_INDEX
 from advercity.semantics import Semantic
 
+PACKS = ("raster", pytest.param("ray_traced", marks=pytest.mark.slow))
+"""Shader packs as parameters: both have the same physics, so a commit tries one, the night both."""
 LUMINANCE = LUMINANCE_WEIGHTS
 BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 BOX_TRIANGLES = np.array(

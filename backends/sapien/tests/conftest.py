@@ -12,6 +12,7 @@ from advercity.rendering.backend import RenderProfile
 from advercity.world import World
 from tests.box_scenes import Open
 from tests.render_builders import (
+    PACKS,
     set_matt_materials,
 )
 
@@ -21,7 +22,7 @@ def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
     set_matt_materials(monkeypatch, black=0.0, grey=0.5, white=1.0)
 
 
-@pytest.fixture(scope="module", params=["raster", "ray_traced"])
+@pytest.fixture(scope="module", params=PACKS)
 def renderer(request: pytest.FixtureRequest) -> Literal["raster", "ray_traced"]:
     return request.param
 

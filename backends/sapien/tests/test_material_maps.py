@@ -19,12 +19,12 @@ from advercity.physics.atmosphere import Atmosphere
 from advercity.rendering.backend import CameraView, RenderProfile
 from advercity.semantics import Semantic
 from advercity.world import Body, World
-from tests.render_builders import build_clear_air
+from tests.render_builders import PACKS, build_clear_air
 
 pytestmark = pytest.mark.render
 
 Renderer = Literal["raster", "ray_traced"]
-every_renderer = pytest.mark.parametrize("renderer", ["raster", "ray_traced"])
+every_renderer = pytest.mark.parametrize("renderer", PACKS)
 SIDE = 128
 QUARTERS = np.array([[20, 90], [160, 230]], dtype=np.uint8)
 """Greys of the quarters of an image, the northern ones first."""

@@ -21,6 +21,7 @@ from advercity.semantics import Semantic
 from advercity.world import Body, StreetLamp, World
 from tests.render_builders import (
     LUMINANCE,
+    PACKS,
     build_box,
     build_clear_air,
     set_matt_materials,
@@ -30,7 +31,7 @@ pytestmark = pytest.mark.render
 
 Kind = Literal["raster", "ray_traced"]
 # Of the module, to sort tests by it: shaders of the raster pack stay compiled.
-both = pytest.mark.parametrize("kind", ["raster", "ray_traced"], scope="module")
+both = pytest.mark.parametrize("kind", PACKS, scope="module")
 
 BLACK, GREY, WHITE = "wood", "concrete", "plaster"
 UNLIT = Lamp(0)

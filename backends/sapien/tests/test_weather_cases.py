@@ -24,6 +24,7 @@ from advercity.sensors.camera import CameraConditions, CameraExposure, add_air_e
 from advercity.world import World
 from tests.render_builders import (
     LUMINANCE,
+    PACKS,
     build_box,
     set_matt_materials,
 )
@@ -42,7 +43,7 @@ def ideal_surfaces(monkeypatch: pytest.MonkeyPatch) -> None:
     set_matt_materials(monkeypatch, black=0.0, grey=0.3, card=0.8, white=1.0)
 
 
-@pytest.fixture(scope="module", params=["raster", "ray_traced"])
+@pytest.fixture(scope="module", params=PACKS)
 def opened(request: pytest.FixtureRequest) -> Open:
     return opening(request.param)
 
