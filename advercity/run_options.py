@@ -19,6 +19,9 @@ BYTES_PER_UNIT = {
 }
 SECONDS_PER_UNIT = {"s": 1, "min": 60, "h": 3600, "d": 86_400}
 MIN_SCALE, MAX_SCALE = 0.01, 4.0
+MIN_RATE_HZ = 0.001
+RATE_TOLERANCE = 1e-3
+"""Of a rate, so 3.333 Hz is every third tick of 0.1 s."""
 ProfileName = Literal["auto", "preview", "full"]
 """Quality of rendered images; `auto` suits the device."""
 CloudEncoding = Literal["binary", "binary_compressed"]
@@ -161,6 +164,19 @@ class Option:
     at_most: float = math.inf
 
 
+def parse_names(text: str) -> tuple[str, ...]:
+    """Parse names separated by commas."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def parse_rate_hz(text: str) -> float:
+    """Parse a rate such as `5hz`."""
+    match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*(?:hz)?\s*", text, re.IGNORECASE)
+    if match is None:
+        raise InputError(f"`rate` {text}: not a rate; write 5hz")
+    return float(match[1])
+
+
 @dataclass(frozen=True, kw_only=True)
 class DatasetOptions:
     """Options of a dataset's content, on any machine."""
@@ -172,6 +188,22 @@ class DatasetOptions:
     clouds: Annotated[
         CloudEncoding, Option("Encoding of PCD files: binary or binary_compressed.")
     ] = "binary_compressed"
+    sensors: Annotated[
+        tuple[str, ...],
+        Option(
+            "Only these kinds of sensors: camera,lidar,radar,thermal (default: all of the rig).",
+            metavar="KIND,...",
+            parse=parse_names,
+        ),
+    ] = field(default_factory=tuple[str, ...])
+    agents: Annotated[
+        tuple[str, ...],
+        Option(
+            "Only data of these agents: ego,rsu1 (default: all).",
+            metavar="AGENT,...",
+            parse=parse_names,
+        ),
+    ] = field(default_factory=tuple[str, ...])
 
 
 @dataclass(frozen=True)
@@ -202,6 +234,16 @@ class RunOptions(DatasetOptions):
             "Recorded frames to make, B not included.", metavar="A:B[:STEP]", parse=parse_frames
         ),
     ] = field(default_factory=lambda: slice(None))
+    rate_hz: Annotated[
+        float | None,
+        Option(
+            "Frames per second, as 5hz (default: one every tick).",
+            flag="rate",
+            metavar="RATE",
+            parse=parse_rate_hz,
+            at_least=MIN_RATE_HZ,
+        ),
+    ] = None
     fresh: Annotated[bool, Option("Start over; discard finished frames.")] = False
     jobs: Annotated[
         int | None,
@@ -261,10 +303,31 @@ class RunOptions(DatasetOptions):
         for name, (kind, option) in OPTIONS.items():
             _check_value(name, getattr(self, name), kind, option)
         check_frames(self.frames)
+        if self.rate_hz is not None and self.frames.step is not None:
+            raise InputError("`rate_hz` and the step of `frames` exclude each other; give one")
         if sum((self.rrd is not None, self.stream, self.connect is not None)) > 1:
             raise InputError("`rrd`, `stream` and `connect` exclude each other; give one")
         if not str(self.output):
             raise InputError("`output` is empty; give a folder, `.` for this one")
+
+    def select_frames(self, length: int, tick_s: float) -> range:
+        """Select the frames to make of a scenario's recorded frames.
+
+        Raises:
+            InputError: The rate is no whole fraction of the rate of ticks.
+        """
+        frames = range(length)[self.frames]
+        if self.rate_hz is None:
+            return frames
+        ticks = 1.0 / (self.rate_hz * tick_s)
+        step = max(1, round(ticks))
+        if abs(ticks - step) > RATE_TOLERANCE * step:
+            rates = sorted({1 / (n * tick_s) for n in (step, max(1, math.floor(ticks)), step + 1)})
+            raise InputError(
+                f"`rate_hz` {self.rate_hz:g}: frames are a whole number of ticks of {tick_s:g} s"
+                f" apart; take {' or '.join(f'{rate:.4g}' for rate in rates)}"
+            )
+        return frames[::step]
 
     @property
     def folder(self) -> Path:

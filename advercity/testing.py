@@ -9,6 +9,7 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from advercity_dsl import ActorClass, Spec
@@ -158,9 +159,9 @@ def with_small_sensors(
     data = spec.model_dump(mode="json")
     for agent in data["agents"]:
         sensors = agent["sensors"]
-        for camera in (sensors["camera"], *sensors.get("more_cameras", {}).values()):
+        for camera in _list_models(sensors, "camera"):
             camera |= {"width_px": width_px, "height_px": height_px}
-        for lidar in (sensors["lidar"], *sensors.get("more_lidars", {}).values()):
+        for lidar in _list_models(sensors, "lidar"):
             for table in _CHANNEL_TABLES & lidar.keys():
                 del lidar[table]
             lidar |= {"channels": channels, "azimuths": azimuths}
@@ -169,6 +170,11 @@ def with_small_sensors(
         if thermal := sensors.get("thermal"):
             thermal |= {"width_px": width_px, "height_px": height_px}
     return with_digest(Spec.model_validate(data))
+
+
+def _list_models(sensors: dict[str, Any], kind: str) -> list[dict[str, Any]]:
+    models = (sensors.get(kind), *sensors.get(f"more_{kind}s", {}).values())
+    return [model for model in models if model]
 
 
 def make_capture(

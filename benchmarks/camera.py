@@ -56,7 +56,9 @@ def run_benchmark(*, quick: bool) -> list[Measurement]:
 def measure_bands(scene: BenchmarkScene, rounds: int) -> tuple[float, float]:
     """Measure median seconds of processor time of a band of a rolling shutter, and of an image."""
     ego, profile = scene.ego, RenderProfile("bench", WIDTH_PX / 1920, "raster")
-    camera = ego.sensors.camera.model_copy(update={"shutter": Shutter(readout_ms=30, bands=4)})
+    camera = ego.sensors.cameras[0].model.model_copy(
+        update={"shutter": Shutter(readout_ms=30, bands=4)}
+    )
     times_s = [moment.instant.time_s for moment in list_moments(camera, shutter_s=0.005)]
     views: dict[float, CameraView] = {}
     for time_s in times_s:
@@ -82,7 +84,7 @@ def measure_image(
     """Measure median processor time of SAPIEN's image, of our rendering, and of processing it."""
     authored = with_weather(scene.spec, find_weather(weather)).weather
     air, ego = compute_atmosphere(authored, scene.spec.road.land_use), scene.ego
-    camera = ego.sensors.camera
+    camera = ego.sensors.cameras[0].model
     view = CameraView(
         scene.poses.world_from_sensors("camera", ego, scene.frame)[0],
         width_px,

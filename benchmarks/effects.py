@@ -125,7 +125,7 @@ def measure_options(scene: BenchmarkScene, *, rounds: int) -> Iterator[tuple[str
     weather = Weather.model_validate({"id": "effect"} | DAY)
     air = compute_atmosphere(weather, scene.spec.road.land_use)
     conditions = CameraConditions.build(air, weather.lens, "bench")
-    camera = scene.ego.sensors.camera
+    camera = scene.ego.sensors.cameras[0].model
     view = scene.list_views(scene.ego, PROFILE.with_scale(1.0))[0]
     capture = make_capture(view.width_px, view.height_px)
     velocity = scene.poses.velocity(scene.ego, scene.frame)
@@ -176,7 +176,7 @@ def _open_weather(
     frame, ego = apply_lamp_state(scene.frame, weather.lamps), scene.ego
     view = scene.list_views(ego, PROFILE)[0]
     lamps = tuple(list_light_sources(scene.world, frame)) if air.night else ()
-    camera, velocity = ego.sensors.camera, scene.poses.velocity(ego, frame)
+    camera, velocity = ego.sensors.cameras[0].model, scene.poses.velocity(ego, frame)
     exposure = CameraExposure(view, camera, frame, velocity, lamps)
     with load_backend("sapien").open(scene.world, air, PROFILE) as renderer:
         renderer.place(frame)

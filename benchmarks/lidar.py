@@ -79,7 +79,7 @@ class LidarScene(BenchmarkScene):
         self, agent: Agent, frame: Frame, air: LidarConditions, lidar: Lidar | None = None
     ) -> int:
         """Scan with an agent's sensor, or another one in its place, and count the points."""
-        lidar = lidar or agent.sensors.lidar
+        lidar = lidar or agent.sensors.lidars[0]
         is_roadside = isinstance(agent.place, RoadsideUnit)
         self.caster.place(frame, frozenset() if is_roadside else frozenset({agent.number}))
         pose = self.poses.world_from_sensors("lidar", agent, frame)[0]
@@ -90,7 +90,7 @@ class LidarScene(BenchmarkScene):
     def compute_rays(self, agent: Agent, frame: Frame) -> tuple[FloatArray, FloatArray]:
         """Compute origins and directions (n, 3) of a sensor's rays."""
         pose = self.poses.world_from_sensors("lidar", agent, frame)[0]
-        directions = (beam_directions(agent.sensors.lidar) @ pose[:3, :3].T).astype(np.float32)
+        directions = (beam_directions(agent.sensors.lidars[0]) @ pose[:3, :3].T).astype(np.float32)
         origins = np.repeat(pose[None, :3, 3].astype(np.float32), len(directions), axis=0)
         return origins, np.ascontiguousarray(directions)
 
@@ -147,7 +147,7 @@ class LidarRound:
         baseline = EmbreeBaseline(scene, frame)
         self.whole_s = measure_run_time(lambda: scene.caster.place(frame)).cpu_s
         for agent in scene.spec.agents:
-            rays, rings = scene.compute_rays(agent, frame), agent.sensors.lidar.channels
+            rays, rings = scene.compute_rays(agent, frame), agent.sensors.lidars[0].channels
             self.single_s += measure_min_cpu_s(lambda rays=rays: baseline.cast_single(*rays))
             self.packets_s += measure_min_cpu_s(
                 lambda rays=rays, rings=rings: baseline.cast_packets(*rays, rings)
@@ -197,7 +197,7 @@ def run_benchmark(*, quick: bool) -> list[Measurement]:
 def measure_effects(scene: LidarScene, frame: Frame) -> dict[str, float]:
     """Measure the time of the ego's scan in fog with each effect, relative to one without."""
     air, ego = derive_conditions(find_weather("fog_day").declaration), scene.spec.agents[0]
-    plain = ego.sensors.lidar
+    plain = ego.sensors.lidars[0]
 
     def measure(fields: dict[str, Any]) -> float:
         lidar = Lidar.model_validate(plain.model_dump() | fields)

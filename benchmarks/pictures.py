@@ -29,7 +29,7 @@ def render_images(road: str) -> Iterator[tuple[int, Uint8Array]]:
     """Yield frames and images (h, w, 3) of a road's ego."""
     spec = read_spec(Path(f"compiled/{road}_clear_day_sparse.json"))
     traffic = load_or_simulate_traffic(spec)
-    scale = WIDTH_PX / spec.ego.sensors.camera.width_px
+    scale = WIDTH_PX / spec.ego.sensors.cameras[0].model.width_px
     prepared = PreparedScenario(
         spec,
         traffic,

@@ -191,7 +191,7 @@ class DetectionScene:
         return detects
 
     def _build_lidar_detector(self, weather: Weather) -> Detector:
-        lidar = _narrow_lidar(self._sensors.lidar)
+        lidar = _narrow_lidar(self._sensors.lidars[0])
         atmosphere = compute_atmosphere(weather, LAND_USE)
         air = derive_lidar_conditions(atmosphere, weather.lens)
 

@@ -83,7 +83,7 @@ class Scene:
         )
         self._caster.place(self._frame, frozenset({agent.number}))
         pose = self._viewpoints.world_from_sensors("lidar", agent, self._frame)[0]
-        lidar = agent.sensors.lidar
+        lidar = agent.sensors.lidars[0]
         scan = cast_scan(lidar, pose, self._caster, puddle_coverage=air.puddle_coverage)
         key = "pictures", agent.id
         return measure_point_cloud(

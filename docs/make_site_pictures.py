@@ -73,7 +73,7 @@ def render_views(spec: Spec, index: int) -> Iterator[tuple[str, NDArray[np.uint8
     with load_backend("sapien").open(world, atmosphere, profile) as renderer:
         renderer.place(frame)
         for name, world_from_camera, hide in _list_views(viewpoints, index):
-            camera = spec.agents[0].sensors.camera
+            camera = spec.agents[0].sensors.cameras[0].model
             view = CameraView(
                 world_from_camera,
                 WIDTH_PX,

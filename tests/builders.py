@@ -145,7 +145,9 @@ def ask_for_instances(spec: Spec) -> Spec:
             update={
                 "sensors": agent.sensors.model_copy(
                     update={
-                        "camera": agent.sensors.camera.model_copy(update={"truth": ("instance",)})
+                        "camera": agent.sensors.cameras[0].model.model_copy(
+                            update={"truth": ("instance",)}
+                        )
                     }
                 )
             }

@@ -38,7 +38,10 @@ def test_a_spec_with_small_sensors_is_otherwise_the_same() -> None:
     spec = load_example_spec("ri_fog_day_sparse")
     small = with_small_sensors(spec, width_px=24, height_px=16, channels=2, azimuths=32)
     for agent in small.agents:
-        assert (agent.sensors.camera.width_px, agent.sensors.camera.height_px) == (24, 16)
-        assert (agent.sensors.lidar.channels, agent.sensors.lidar.azimuths) == (2, 32)
+        assert (
+            agent.sensors.cameras[0].model.width_px,
+            agent.sensors.cameras[0].model.height_px,
+        ) == (24, 16)
+        assert (agent.sensors.lidars[0].channels, agent.sensors.lidars[0].azimuths) == (2, 32)
     assert small.road == spec.road
     assert small.weather == spec.weather

@@ -112,7 +112,8 @@ def perceive_objects(
     errors. Positions are relative to the true pose: they have no errors of localisation.
     """
     annotated = annotate_actors(sensor_frame)
-    found = [item for item in annotated if item.lidar_points >= message.min_points]
+    has_lidar = bool(sensor_frame.lidar_scans)
+    found = [item for item in annotated if not has_lidar or item.lidar_points >= message.min_points]
     found.sort(key=lambda item: (item.distance_m, item.state.actor.id))
     found = found[: message.max_objects]
     count = len(found)

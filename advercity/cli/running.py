@@ -107,7 +107,9 @@ def _describe_interrupt(options: RunOptions) -> Generator[None]:
 
 
 @commands.command()
-@take_options("output", "backend", "profile", "scale", "frames", "jobs")
+@take_options(
+    *("output", "backend", "profile", "scale", "sensors", "agents", "frames", "rate_hz", "jobs")
+)
 def estimate(specs: SpecArgument, options: RunOptions, as_json: JsonOption = False) -> None:
     """Estimate files, time and memory of a run.
 

@@ -337,7 +337,7 @@ def _build_agents(
 
 
 def _limit_lidar(sensors: SensorSet, unit: RoadsideUnit) -> SensorSet:
-    if unit.lidar_upper_deg is None:
+    if unit.lidar_upper_deg is None or sensors.lidar is None:
         return sensors
     lidar = sensors.lidar.model_copy(update={"upper_deg": unit.lidar_upper_deg})
     return sensors.model_copy(update={"lidar": lidar})

@@ -303,7 +303,8 @@ def _check_lidars(library: Library, suite: ResolvedSuite, road: Road) -> Iterato
     for name, agent in road.agents.items():
         sensors = select_sensors(agent, suite.agent_rigs.get(name, suite.rig))
         upper_deg = agent.lidar_upper_deg if isinstance(agent, RoadsideUnit) else None
-        lower_deg = sensors.lidar.lower_deg if sensors else -math.inf
+        lidar = sensors.lidar if sensors else None
+        lower_deg = lidar.lower_deg if lidar else -math.inf
         if upper_deg is not None and upper_deg <= lower_deg:
             message = f"{upper_deg:g} is not above the rig's lower_deg {lower_deg:g}"
             value_path = ("agents", name, "lidar_upper_deg")

@@ -48,7 +48,7 @@ def build_protocol(spec: Spec) -> dict[str, Any]:
     )
     document: dict[str, Any] = spec.model_dump(mode="json")
     agents: dict[str, list[dict[str, Any]]] = {kind: [] for kind in SPAWN_POINTS}
-    for agent in spec.agents:
+    for agent in spec.recorded_agents:
         agents[agent.place.kind].append({"name": agent.id, "id": agent.number})
     points = sum(count * len(agents[kind]) for kind, count in SPAWN_POINTS.items()) * vehicles
     return {

@@ -116,7 +116,7 @@ def _draw_masks(
 def _compute_map_from_world(sensor_frame: SensorFrame) -> Matrix:
     """Compute the level frame (4, 4) of a map: x ahead, y left, metres."""
     is_unit = sensor_frame.agent.place.kind == "roadside_unit"
-    centre = sensor_frame.world_from_lidar if is_unit else sensor_frame.world_from_agent
+    centre = sensor_frame.world_from_reference if is_unit else sensor_frame.world_from_agent
     return poses.invert_pose(
         poses.pose_matrix(centre[:3, 3], yaw=poses.to_yaw_pitch_roll(centre)[0])
     )

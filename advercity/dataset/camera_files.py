@@ -64,8 +64,8 @@ def encode_instance(instance: NDArray[np.int32]) -> bytes:
 def describe_pinhole(
     item: SensorFrame, world_from_camera: Matrix, model: CameraModel
 ) -> dict[str, Any]:
-    """Describe a camera; `extrinsic` maps the first LiDAR to it in body axes, as loaders do."""
-    camera_from_lidar = poses.invert_pose(world_from_camera) @ item.world_from_lidar
+    """Describe a camera; `extrinsic` maps `lidar_pose` to it in body axes, as loaders do."""
+    camera_from_lidar = poses.invert_pose(world_from_camera) @ item.world_from_reference
     return {
         "cords": to_plain(carla_pose_from_matrix(world_from_camera)),
         "extrinsic": to_plain(mirror_pose(camera_from_lidar)),

@@ -136,7 +136,7 @@ class FrameFileNames:
             layout.format_folder(agent): layout.list_suffixes(
                 agent, has_channel=spec.channel is not None
             )
-            for agent in spec.agents
+            for agent in spec.recorded_agents
         }
 
     @property

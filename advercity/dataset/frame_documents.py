@@ -48,6 +48,8 @@ def build_frame_description(
         "ego_speed": to_plain(sensor_frame.speed_m_s * KM_H_PER_M_S),
         "true_ego_pos": to_plain(agent_pose),
         "predicted_ego_pos": to_plain(estimated_pose),
+        # Loaders place everything by this pose; the pose of a LiDAR replaces it.
+        "lidar_pose": to_plain(carla_pose_from_matrix(sensor_frame.world_from_reference)),
         **_merge(
             files.describe(sensor_frame, number)
             for files, number in iterate_readings(sensor_frame, first=DESCRIPTION_ORDER)

@@ -34,6 +34,7 @@ REMEDY = "it is the only list of written files: delete the folder, or choose ano
 RendererIdentity = dict[str, str | int | float | bool]
 FIELD_LABELS = {
     "code_sha256": "code of advercity",
+    "left_out": "sensors and agents left out",
     "backend_sha256": "code of the backend",
     "vector_instructions": "vector instructions of the processor",
     "rounding_sha256": "rounding of the processor's libraries",
@@ -81,6 +82,7 @@ class Identity(Model):
         format: Layout of the files.
         min_points: LiDAR points an actor must return to an agent to be annotated by it.
         clouds: Encoding of point clouds.
+        left_out: Kinds of sensors and agents that the run left out.
         vector_instructions: Instructions of the processor, by `find_vector_instructions`.
         rounding_sha256: Checksum of how NumPy, OpenBLAS and glibc round; empty in old manifests.
         code_sha256: Checksum of the sources of `CODE_PACKAGES`, which may change between versions.
@@ -99,6 +101,7 @@ class Identity(Model):
     format: str
     min_points: int = 0
     clouds: CloudEncoding = "binary_compressed"
+    left_out: tuple[str, ...] = Field(default=(), exclude_if=is_empty)
     vector_instructions: str
     rounding_sha256: str = ""
     code_sha256: str
@@ -124,7 +127,7 @@ class Identity(Model):
         missed_conflicts: tuple[str, ...] = (),
     ) -> "Identity":
         """Identify the data this installation makes from `spec`."""
-        chosen = options or DatasetOptions()
+        chosen, unrecorded = options or DatasetOptions(), spec.unrecorded
         models = {
             name: digest
             for kind, name, digest in (
@@ -145,6 +148,7 @@ class Identity(Model):
             format=chosen.format,
             min_points=chosen.min_points,
             clouds=chosen.clouds,
+            left_out=(*unrecorded.sensors, *unrecorded.agents) if unrecorded else (),
             vector_instructions=find_vector_instructions(),
             rounding_sha256=compute_rounding_digest(),
             code_sha256=compute_source_digest(*CODE_PACKAGES),
@@ -186,6 +190,7 @@ class Identity(Model):
         fields = self.model_dump(exclude={"renderer", "versions", "bodies"})
         # Which models there are follows from the spec and from which of them are missing.
         fields["missing_models"] = ", ".join(self.missing_models)
+        fields["left_out"] = ", ".join(self.left_out)
         fields["missed_conflicts"] = "; ".join(self.missed_conflicts)
         flat = fields | self.renderer | self.versions
         return {FIELD_LABELS.get(key, key): value for key, value in flat.items()}
@@ -307,7 +312,9 @@ def list_kinds_of_others(spec: Spec) -> set[str]:
     """List the third-party kinds of sensors in a spec."""
     others = load_sensor_kinds().found.keys() - CORE_KINDS.keys()
     return {
-        kind for kind in others if any(agent.sensors.list_sensors(kind) for agent in spec.agents)
+        kind
+        for kind in others
+        if any(agent.sensors.list_sensors(kind) for agent in spec.recorded_agents)
     }
 
 

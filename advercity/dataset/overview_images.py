@@ -1,6 +1,6 @@
 """Draws frames for people: images with boxes, semantics, LiDARs from above; as PNG or MP4."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from itertools import cycle
 from pathlib import Path
@@ -42,6 +42,8 @@ DIRECTIONS = (
 )
 """Names of directions, 45 degrees apart."""
 CONTACT_LIDAR_HALF_EXTENT_M = 60.0
+FULL_SNR_DB = 60.0
+"""Signal-to-noise ratio of the brightest detections."""
 _OTHER_COLOUR = (200, 200, 200)
 _BACKGROUND = 16
 _MAX_LINE_END_PX = 20_000
@@ -52,17 +54,24 @@ _LINE_POINTS = 17
 
 def draw_mosaic(frame: FrameView) -> Uint8Array:
     """Draw the front cameras of all agents with their boxes, and the LiDARs from above."""
-    images = [draw_camera_boxes(view, find_front_camera(view)) for view in frame.views.values()]
-    shape = _find_largest_shape(images)
-    return _tile_images([*_label_agents(frame, images), _fit_image(draw_top_view(frame), shape)])
+    seeing = _select_with_cameras(frame)
+    images = [draw_camera_boxes(view, find_front_camera(view)) for view in seeing.values()]
+    above = draw_top_view(frame)
+    shape = _find_largest_shape(images or [above])
+    return _tile_images([*_label_agents(frame, seeing, images), _fit_image(above, shape)])
 
 
 def draw_semantic_mosaic(frame: FrameView) -> Uint8Array:
     """Draw the semantic images of the front cameras of all agents."""
+    seeing = _select_with_cameras(frame)
     images = [
-        to_semantic_colours(view.semantic(find_front_camera(view))) for view in frame.views.values()
+        to_semantic_colours(view.semantic(find_front_camera(view))) for view in seeing.values()
     ]
-    return _tile_images(_label_agents(frame, images))
+    return _tile_images(_label_agents(frame, seeing, images))
+
+
+def _select_with_cameras(frame: FrameView) -> dict[str, AgentView]:
+    return {name: view for name, view in frame.views.items() if view.cameras}
 
 
 def find_front_camera(view: AgentView) -> int:
@@ -75,11 +84,12 @@ def _compute_camera_yaw_deg(view: AgentView, camera: int) -> float:
     return (view.agent.sensors.cameras[camera].mount.yaw_deg + 180) % 360 - 180
 
 
-def _label_agents(frame: FrameView, images: Sequence[Uint8Array]) -> list[Uint8Array]:
+def _label_agents(
+    frame: FrameView, agents: Iterable[str], images: Sequence[Uint8Array]
+) -> list[Uint8Array]:
     """Label an image of every agent."""
     return [
-        _label(image, f"{agent}  {frame.name}")
-        for agent, image in zip(frame.views, images, strict=True)
+        _label(image, f"{agent}  {frame.name}") for agent, image in zip(agents, images, strict=True)
     ]
 
 
@@ -116,14 +126,13 @@ def draw_top_view(frame: FrameView, size: int = TOP_VIEW_SIZE_PX) -> Uint8Array:
 def _load_world_points(view: AgentView) -> Float64Array:
     """Load the points (n, 3) of all LiDARs of an agent, in the world."""
     clouds = [view.load_cloud(lidar) for lidar in range(view.lidars)]
-    return np.concatenate(
-        [
-            poses.transform_points(
-                view.load_lidar_pose(lidar), np.column_stack([cloud[axis] for axis in "xyz"])
-            )
-            for lidar, cloud in enumerate(clouds)
-        ]
+    placed = (
+        poses.transform_points(
+            view.load_lidar_pose(lidar), np.column_stack([cloud[axis] for axis in "xyz"])
+        )
+        for lidar, cloud in enumerate(clouds)
     )
+    return np.concatenate([np.empty((0, 3)), *placed])
 
 
 def _iter_boxes(boxes: Boxes) -> Iterator[tuple[Float64Array, tuple[int, int, int]]]:
@@ -200,7 +209,7 @@ def write_contact_sheet(
     """Write an image of a frame of a scenario, with a row per agent.
 
     A row has all cameras from the left over the front to the rear, the classes of the front one,
-    and the LiDAR from above.
+    and LiDARs and radars from above.
 
     Args:
         path: Folder of one scenario.
@@ -241,13 +250,15 @@ def _select_agents(frame: FrameView, agents: Sequence[str] | None, path: Path) -
 
 
 def _draw_contact_row(view: AgentView, name: str) -> Uint8Array:
-    order = _order_cameras(view)
-    classes = to_semantic_colours(view.semantic(find_front_camera(view)))
-    images = [*map(view.image, order), classes]
-    height, width = images[0].shape[:2]
+    images = list(map(view.image, _order_cameras(view)))
+    if images:
+        images.append(to_semantic_colours(view.semantic(find_front_camera(view))))
+    height, width = images[0].shape[:2] if images else (1, 1)
     shape = round(CONTACT_CELL_WIDTH_PX * height / width), CONTACT_CELL_WIDTH_PX
     above = [draw_lidar_top_view(view.load_cloud(item), shape[0]) for item in range(view.lidars)]
-    row = np.hstack([*(_fit_image(image, shape) for image in images), *above])
+    above += [draw_radar_top_view(view.load_radar(item), shape[0]) for item in range(view.radars)]
+    cells = [*(_fit_image(image, shape) for image in images), *above]
+    row = np.hstack(cells or [np.zeros((*shape, 3), np.uint8)])
     text = f"{name}: {', '.join(name_contact_cells(view))}"
     return np.vstack([draw_label_bar(text, row.shape[1]), row])
 
@@ -265,18 +276,41 @@ def name_contact_cells(view: AgentView) -> list[str]:
         f"{DIRECTIONS[round(_compute_camera_yaw_deg(view, camera) / 45) % 8]}".lstrip()
         for camera in _order_cameras(view)
     ]
-    return [*cameras, "semantic front", "LiDAR", *map("LiDAR {}".format, sensors.more_lidars)]
+    above = [
+        f"{kind} {item.name}".rstrip()
+        for kind, found in (("LiDAR", sensors.list_sensors("lidar")), ("radar", sensors.radars))
+        for item in found
+    ]
+    return [*cameras, *(["semantic front"] if cameras else []), *above]
 
 
 def draw_lidar_top_view(cloud: NDArray[np.void], size: int) -> Uint8Array:
     """Draw a cloud from above in RGB (size, size, 3): the sensor in the middle, ahead upwards."""
+    # The square root lifts weak returns, which are most of them, out of the dark.
+    return _draw_from_above(cloud, np.sqrt(np.clip(cloud["intensity"], 0, 1)), size)
+
+
+def draw_radar_top_view(detections: NDArray[np.void], size: int) -> Uint8Array:
+    """Draw detections from above in RGB (size, size, 3), as `draw_lidar_top_view`."""
+    grown = np.repeat(detections, 9)
+    # A detection is a square of three pixels, as there are few.
+    step = 2 * CONTACT_LIDAR_HALF_EXTENT_M / size
+    offsets = np.tile(np.indices((3, 3)).reshape(2, 9) - 1, len(detections)) * step
+    grown["x"] += offsets[0]
+    grown["y"] += offsets[1]
+    return _draw_from_above(grown, np.clip(grown["snr"] / FULL_SNR_DB, 0, 1), size)
+
+
+def _draw_from_above(
+    cloud: NDArray[np.void], strength: NDArray[np.floating], size: int
+) -> Uint8Array:
+    """Draw points with strengths (n,) from 0 to 1; points of actors in their own colour."""
     scale = size / (2 * CONTACT_LIDAR_HALF_EXTENT_M)
     row = (size / 2 - cloud["x"] * scale).astype(np.intp)
     column = (size / 2 - cloud["y"] * scale).astype(np.intp)
     inside = (row >= 0) & (row < size) & (column >= 0) & (column < size)
     image = np.zeros((size, size, 3), np.uint8)
-    # The square root lifts weak returns, which are most of them, out of the dark.
-    shade = (70 + 185 * np.sqrt(np.clip(cloud["intensity"], 0, 1))).astype(np.uint8)
+    shade = (70 + 185 * strength).astype(np.uint8)
     image[row[inside], column[inside]] = shade[inside, None]
     if "object_id" in (cloud.dtype.names or ()):
         actor = inside & (cloud["object_id"] > 0)
@@ -327,9 +361,9 @@ def _select_drawings(
     }
     for kind in kinds:
         if kind == "front":
-            for agent in scenario.agents:
+            for agent in _select_with_cameras(scenario[0]):
                 yield f"{agent}_front", lambda frame, agent=agent: _read_front_image(frame[agent])
-        else:
+        elif kind != "semantic" or _select_with_cameras(scenario[0]):
             yield kind, drawings[kind]
 
 

@@ -125,7 +125,7 @@ class Scenario(Sequence[FrameView]):
     @property
     def agents(self) -> tuple[str, ...]:
         """Ids of the agents."""
-        return tuple(agent.id for agent in self.spec.agents)
+        return tuple(agent.id for agent in self.spec.recorded_agents)
 
     @property
     def ego(self) -> str:
@@ -173,7 +173,7 @@ class Scenario(Sequence[FrameView]):
         name, layout = self.format_frame_name(index), self.format
         return [
             AgentView(agent, index, layout, self.path / layout.format_folder(agent) / name)
-            for agent in self.spec.agents
+            for agent in self.spec.recorded_agents
         ]
 
     @property

@@ -73,6 +73,7 @@ def export_dataset(
     chosen = target.complete_options(options or {})
     check_export_folder(output)
     opened = _open_whole_dataset(dataset)
+    target.check_sensors(opened)
     listed = target.load()(opened, chosen)
     manifest = ExportManifest.for_dataset(opened, format, chosen)
     view = _FrameCounter(opened, report)

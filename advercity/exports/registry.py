@@ -5,11 +5,12 @@ A distribution registers its `ExportFormat`, under the format's name, as an entr
 """
 
 import difflib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 
 from advercity_dsl.registry import Registered, load_named, load_registered
+from advercity_dsl.sensor_kinds import load_sensor_kinds
 
 from advercity.dataset.manifest import CODE_PACKAGES
 from advercity.dataset.reader import Dataset
@@ -21,6 +22,8 @@ Options = Mapping[str, str]
 """Values of all options of a format, by name."""
 PieceLister = Callable[[Dataset, Options], list[Piece]]
 """Splits a dataset into pieces; InputError if it lacks data for the format."""
+Quantifier = Callable[[Iterable[object]], bool]
+"""`all` or `any`."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +35,13 @@ class ExportFormat:
         lister: Names, as `module:attribute`, the function that splits a dataset into pieces. It is
             loaded when the format is used, with the libraries it needs.
         options: Possible values of its options by name; the first is taken unless another is named.
+        needs: Kinds of sensors that it needs of `all` agents of a scenario, or of `any` of them.
     """
 
     name: str
     lister: str
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    needs: Mapping[str, Quantifier] = field(default_factory=dict[str, Quantifier])
 
     def load(self) -> PieceLister:
         """Load the function for splitting a dataset into pieces."""
@@ -47,6 +52,24 @@ class ExportFormat:
         """Compute the SHA-256 of the sources that write the format."""
         package = self.lister.partition(":")[0].partition(".")[0]
         return compute_source_digest(*CODE_PACKAGES, package)
+
+    def check_sensors(self, dataset: Dataset) -> None:
+        """Raise an InputError if a scenario has not the sensors it needs."""
+        for scenario in dataset.scenarios:
+            agents = scenario.spec.recorded_agents
+            for kind, of_agents in self.needs.items():
+                lacking = [one.id for one in agents if not one.sensors.list_sensors(kind)]
+                if of_agents(one.id not in lacking for one in agents):
+                    continue
+                who, wanted = (
+                    (f"{lacking[0]} has no", "every agent")
+                    if of_agents is all
+                    else ("no agent has a", "one agent")
+                )
+                title = load_sensor_kinds().found[kind].title
+                raise InputError(
+                    f"{scenario.path}: {who} {title}, as {self.name} needs of {wanted}"
+                )
 
     def complete_options(self, given: Mapping[str, str | None]) -> dict[str, str]:
         """Complete options by their defaults, also in place of None.

@@ -33,6 +33,7 @@ from advercity.pipeline.preparation import (
     resolve_profile,
 )
 from advercity.pipeline.run_records import FrameWork, RunRecord, load_records
+from advercity.pipeline.sensor_choice import choose_sensors
 from advercity.pipeline.workers import MIN_FRAMES_PER_WORKER
 from advercity.rendering.backend import RENDER_PROFILES, RenderProfile, load_backend
 from advercity.run_options import (
@@ -265,6 +266,7 @@ def estimate_run(
         RunError: The traffic simulation of every scenario fails.
     """
     options = resolve_backend(options)
+    specs = [choose_sensors(spec, options) for spec in specs]
     failed: dict[str, AdvercityError] = {}
     if simulate:
         failed = _simulate_missing_traffic(specs, options.jobs or count_usable_cores())
@@ -384,7 +386,7 @@ def _estimate_scenario(
 ) -> ScenarioEstimate:
     trace = load_cached_trace(spec)
     length = spec.timing.max_ticks - spec.timing.warm_up_ticks if trace is None else len(trace)
-    wanted = {*range(length)[options.frames]}
+    wanted = {*options.select_frames(length, spec.timing.tick_s)}
     existing = wanted & _find_existing_frames(spec, options)
     frames = len(wanted) - len(existing)
     time_s = None if frames else 0.0

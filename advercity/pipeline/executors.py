@@ -22,6 +22,7 @@ from advercity.pipeline.estimate import check_resources, resolve_requested_profi
 from advercity.pipeline.output_folder import check_output_folder
 from advercity.pipeline.preparation import AUTOMATIC_BACKEND, resolve_backend
 from advercity.pipeline.progress import RunListener, ScenarioResult, SilentListener
+from advercity.pipeline.sensor_choice import choose_sensors
 from advercity.pipeline.spec_models import check_models
 from advercity.pipeline.workers import WorkerPool
 from advercity.rendering.backend import load_backend
@@ -127,6 +128,7 @@ def run_batch(
     if executor is None:  # the machines of a cluster check for themselves
         check_models(specs, allow_missing=options.allow_missing_models)
         _announce_profile(options)
+    specs = [choose_sensors(spec, options) for spec in specs]
     resources = check_resources(specs, options, is_local=executor is None)
     run = run_scenarios if executor is None else executor.run
     return run(specs, options, resources=resources, listener=listener or SilentListener())

@@ -108,6 +108,8 @@ def solve_sun(spec: Spec, sought: Sun) -> SunSolution:
     suns = np.stack(
         [direction_from_elevation_azimuth(*place) for place in zip(elevation, azimuth, strict=True)]
     )
+    if not spec.ego.sensors.cameras:
+        raise InputError(f"{spec.road.id}: the ego has no camera, which the sun is to shine into")
     off, seen = _compute_visibility(spec, suns, math.radians(sought.within_deg))
     fraction = seen.mean(axis=0)
     best = int(fraction.argmax())
@@ -141,7 +143,7 @@ def _compute_visibility(
     traffic = load_or_simulate_traffic(spec)
     raycaster = Raycaster(load_or_build_world(spec, traffic.network_path))
     poses = AgentPoses(spec, traffic.trace)
-    camera = spec.ego.sensors.camera
+    camera = spec.ego.sensors.cameras[0].model
     size = camera.width_px, camera.height_px
     model = CameraModel.build(camera, *size)
     offs: list[Float64Array] = []

@@ -256,7 +256,7 @@ def prepare_scenario(
             " `allow_missed` makes the data all the same"
         )
     frame_count = len(traffic.trace)
-    frames = range(frame_count)[options.frames]
+    frames = options.select_frames(frame_count, spec.timing.tick_s)
     if not frames:
         raise InputError(
             f"`frames` {format_frames(options.frames)}: selects none of {spec.id}, which has frames"

@@ -34,15 +34,16 @@ def load_sensor_frames(
 ) -> tuple[SensorFrame, ...]:
     """Load the sensor frames of a frame: measurements from files, the rest from the trace."""
     stored = scenario.frame(index)
-    boxes = [stored[agent.id].boxes for agent in scenario.spec.agents]
+    boxes = [stored[agent.id].boxes for agent in scenario.spec.recorded_agents]
     frame = _with_annotated_boxes(poses.load_frame(index), boxes)
     return tuple(
         poses.build_sensor_frame(
             agent,
             frame,
             readings=_read_all(stored[agent.id]),
+            seen_actors=frozenset(of_agent.ids.tolist()),
         )
-        for agent in scenario.spec.agents
+        for agent, of_agent in zip(scenario.spec.recorded_agents, boxes, strict=True)
     )
 
 

@@ -50,24 +50,26 @@ class FrameWork:
     @staticmethod
     def from_spec(spec: Spec, scale: float) -> "FrameWork":
         """Count the work of a frame with images at `scale` of their authored width and height."""
-        cameras = [item.model for agent in spec.agents for item in agent.sensors.cameras]
+        cameras = [item.model for agent in spec.recorded_agents for item in agent.sensors.cameras]
         sizes = [
             CameraModel.build(camera, camera.width_px, camera.height_px).rendered_size
             for camera in cameras
         ]
         pixels = [math.prod(size) for size in sizes]
         renders = [camera.renders for camera in cameras]
+        rays = (
+            sensor.model.count_rays(scale)
+            for agent in spec.recorded_agents
+            for kind in load_sensor_kinds().found
+            for sensor in agent.sensors.list_sensors(kind)
+        )
         return FrameWork(
-            agents=len(spec.agents),
+            agents=len(spec.recorded_agents),
             images=len(cameras),
             pixels=max(1, round(sum(pixels) * scale**2)),
-            beams=sum(
-                sensor.model.count_rays(scale)
-                for agent in spec.agents
-                for kind in load_sensor_kinds().found
-                for sensor in agent.sensors.list_sensors(kind)
-            ),
-            renders=sum(map(math.prod, zip(pixels, renders, strict=True))) / sum(pixels),
+            beams=max(1, sum(rays)),
+            renders=sum(map(math.prod, zip(pixels, renders, strict=True))) / max(1, sum(pixels))
+            or 1.0,
         )
 
 

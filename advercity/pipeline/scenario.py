@@ -40,6 +40,7 @@ from advercity.pipeline.preparation import (
 from advercity.pipeline.progress import Progress, ProgressCallback, ignore_progress
 from advercity.pipeline.replay import load_sensor_frames, open_recording
 from advercity.pipeline.sensing import open_sensors
+from advercity.pipeline.sensor_choice import choose_sensors
 from advercity.pipeline.spec_models import check_models, replace_models
 from advercity.rendering.backend import RenderProfile, load_backend
 from advercity.run_options import MAX_SCALE, MIN_SCALE, RunOptions, ViewerTarget
@@ -105,6 +106,7 @@ def run_scenario(
         InputError: The backend or the frames do not exist.
         RunError: Something failed; finished frames stay, and the same call resumes.
     """
+    spec = choose_sensors(spec, options)
     # Refuses a second run before the traffic, which may take minutes.
     with lock_scenario(options.folder / spec.id):
         prepared = prepare_scenario(spec, options, report)

@@ -44,7 +44,7 @@ class SensorRig:
         self._drivers: dict[str, SensorDriver] = {
             name: load_named(kind.driver)(self._stage)
             for name, kind in load_sensor_kinds().found.items()
-            if any(agent.sensors.list_sensors(name) for agent in spec.agents)
+            if any(agent.sensors.list_sensors(name) for agent in spec.recorded_agents)
         }
         trace = prepared.traffic.trace
         self._channel = V2xChannel(spec, spec.channel, trace, world) if spec.channel else None
@@ -54,7 +54,9 @@ class SensorRig:
         self._stage.place(index)
         for driver in self._drivers.values():
             driver.prepare()
-        return self._send_messages([self._measure(agent) for agent in self._stage.spec.agents])
+        return self._send_messages(
+            [self._measure(agent) for agent in self._stage.spec.recorded_agents]
+        )
 
     def capture_image(self, agent: Agent, camera: int, index: int) -> Uint8Array:
         """Render the image (h, w, 3), RGB, of one camera alone in recorded frame `index`."""
@@ -68,8 +70,8 @@ class SensorRig:
 
     @property
     def _cameras(self) -> CameraDriver:
-        found = self._drivers["camera"]
-        assert isinstance(found, CameraDriver), "every agent has cameras"
+        found = self._drivers.get("camera")
+        assert isinstance(found, CameraDriver), "the caller names one of the agent's cameras"
         return found
 
     def _measure(self, agent: Agent) -> SensorFrame:
@@ -100,11 +102,12 @@ class SensorRig:
 
 def find_agent_with_camera(spec: Spec, name: str | None, camera: int) -> Agent:
     """Find an agent, None for the ego; InputError if there is none, or it has no such camera."""
-    agents = {agent.id: agent for agent in spec.agents}
+    agents = {agent.id: agent for agent in spec.recorded_agents}
     if name is not None and name not in agents:
         raise InputError(f"{spec.id} has no agent '{name}'; it has {', '.join(agents)}")
     agent = spec.ego if name is None else agents[name]
     count = len(agent.sensors.cameras)
     if not 0 <= camera < count:
-        raise InputError(f"{agent.id} has cameras 0 to {count - 1}, not {camera}")
+        found = f"cameras 0 to {count - 1}, not {camera}" if count else "no camera"
+        raise InputError(f"{agent.id} has {found}")
     return agent

@@ -1,7 +1,7 @@
 """Poses of agents and sensors in each frame, and their planned paths."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -90,6 +90,7 @@ class AgentPoses:
         readings: Mapping[str, Sequence[Any]],
         *,
         estimated_world_from_agent: Matrix | None = None,
+        seen_actors: Collection[int] | None = None,
     ) -> SensorFrame:
         """Add pose and planned path of an agent to the readings of its sensors.
 
@@ -98,6 +99,7 @@ class AgentPoses:
             frame: Recorded frame, as `load_frame` returns it.
             readings: Measurements, by the names of the sensors' kinds and their numbers.
             estimated_world_from_agent: (4, 4), its own estimate; None is the true pose.
+            seen_actors: As in `SensorFrame`.
         """
         world_from_agent = self.world_from_agent(agent, frame.index)
         is_unit = isinstance(agent.place, RoadsideUnit)
@@ -111,6 +113,7 @@ class AgentPoses:
                 else estimated_world_from_agent
             ),
             readings=readings,
+            seen_actors=seen_actors,
             planned_trajectory=() if is_unit else self._load_planned_path(agent, frame.index),
             conflict_roles=self._roles,
             weather=(self.timeline.weather_at(frame.index) if self.timeline.is_changing else None),

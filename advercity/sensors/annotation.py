@@ -5,9 +5,11 @@ other objects hide it. A car fills its outline except for a few per cent. A bicy
 and leaves about half of it open, so its visible fraction stays low.
 """
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from itertools import chain
 
 import cv2
 import numpy as np
@@ -240,19 +242,20 @@ class Annotation:
 
 
 def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
-    """Annotate the other actors within LiDAR range and hit by a noise-free LiDAR.
+    """Annotate the other actors that an agent's sensors see in clear air.
 
     With `min_points` 0, weathers differ by umbrellas alone: they take and hide beams. Distances
     are from the agent's true pose, not from the estimated one.
     """
     own, hits = sensor_frame.agent.number, sensor_frame.lidar_hits
+    seen = find_seen_actors(sensor_frame)
     ghosts = _count_points(sensor_frame, PointKind.GHOST)
     points = _count_points(sensor_frame, PointKind.SURFACE)
     states = [
         state
         for state in sensor_frame.frame.states
         if state.actor.id != own
-        and hits.get(state.actor.id, 0) > 0
+        and state.actor.id in seen
         and points.get(state.actor.id, 0) >= sensor_frame.min_points
     ]
     if not states:
@@ -277,20 +280,36 @@ def annotate_actors(sensor_frame: SensorFrame) -> tuple[Annotation, ...]:
         np.linalg.norm(offsets, axis=1).tolist(),
         _wrap_angles(np.arctan2(offsets[:, 1], offsets[:, 0]) - agent_yaw).tolist(),
         _wrap_angles(yaws - agent_yaw).tolist(),
-        (hits[state.actor.id] for state in states),
+        (hits.get(state.actor.id, 0) for state in states),
         (points.get(state.actor.id, 0) for state in states),
         (ghosts.get(state.actor.id, 0) for state in states),
         (_find_visible_fraction(sensor_frame, state.actor.id) for state in states),
         strict=True,
     )
-    range_m = max(lidar.range_m for lidar in sensor_frame.agent.sensors.lidars)
+    ranges_m = (lidar.range_m for lidar in sensor_frame.agent.sensors.lidars)
+    range_m = max(ranges_m, default=math.inf)
     return tuple(Annotation(*row) for row in rows if row[3] < range_m)
+
+
+def find_seen_actors(sensor_frame: SensorFrame) -> Collection[int]:
+    """Find the actors that an agent sees, by id.
+
+    A LiDAR's beam hits them. An agent without a LiDAR sees the `seen_actors` of the measurements
+    of all its sensors.
+    """
+    if sensor_frame.seen_actors is not None:
+        return sensor_frame.seen_actors
+    if sensor_frame.lidar_scans:
+        return {number for number, count in sensor_frame.lidar_hits.items() if count > 0}
+    measured = chain.from_iterable(sensor_frame.readings.values())
+    return frozenset[int]().union(*(getattr(one, "seen_actors", ()) for one in measured))
 
 
 def _count_points(sensor_frame: SensorFrame, kind: PointKind) -> dict[int, int]:
     """Count each actor's points of a kind in the scans of all LiDARs, by its id."""
     clouds = [scan.point_cloud for scan in sensor_frame.lidar_scans]
-    instance = np.concatenate([cloud.instance[cloud.kind == kind] for cloud in clouds])
+    found = [cloud.instance[cloud.kind == kind] for cloud in clouds]
+    instance = np.concatenate([np.empty(0, np.int32), *found])
     actors, counts = np.unique(instance, return_counts=True)
     return dict(zip(actors.tolist(), counts.tolist(), strict=True))
 

@@ -1,7 +1,7 @@
 """The measurements of all sensors of one agent in one frame."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -94,6 +94,11 @@ class CameraImage:
     rolling: RollingCamera | None = None
     time_s: float | None = None
 
+    @property
+    def seen_actors(self) -> frozenset[int]:
+        """Ids of the actors with a pixel of the image."""
+        return _find_visible(self.projected_boxes)
+
 
 @dataclass(frozen=True, eq=False)
 class LidarScan:
@@ -132,6 +137,11 @@ class ThermalImage:
     projected_boxes: Mapping[int, ProjectedBox]
     time_s: float | None = None
 
+    @property
+    def seen_actors(self) -> frozenset[int]:
+        """Ids of the actors with a pixel of the image."""
+        return _find_visible(self.projected_boxes)
+
 
 @dataclass(frozen=True, eq=False)
 class RadarScan:
@@ -142,12 +152,18 @@ class RadarScan:
         detections: Detections in the radar's frame.
         cube: Powers of all cells; None if the radar reports detections only.
         time_s: Time of the measurement, as in `LidarScan`.
+        seen_actors: Ids of the actors whose echo arrives in clear air, detected or not.
     """
 
     world_from_radar: Matrix
     detections: RadarDetections
     cube: RadarCube | None = None
     time_s: float | None = None
+    seen_actors: frozenset[int] = frozenset()
+
+
+def _find_visible(boxes: Mapping[int, ProjectedBox]) -> frozenset[int]:
+    return frozenset(number for number, box in boxes.items() if box.visible_px > 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +176,9 @@ class SensorFrame:
         world_from_agent: (4, 4), the vehicle's origin on the ground or the roadside unit.
         estimated_world_from_agent: (4, 4), the same as estimated by the agent's localisation.
         readings: Measurements of its sensors, by the names of their kinds and then by their
-            numbers; kinds without a measurement may be left out. At least one LiDAR has measured.
+            numbers; kinds without a measurement may be left out.
+        seen_actors: Ids of the actors it sees, if known from files; None for its measurements to
+            tell.
         min_points: Least number of points on an annotated actor.
         planned_trajectory: Next points of the agent's trajectory: x, y, speed in m/s.
         conflict_roles: Roles of all actors in staged conflicts.
@@ -173,6 +191,7 @@ class SensorFrame:
     world_from_agent: Matrix
     estimated_world_from_agent: Matrix
     readings: Mapping[str, Sequence[Any]]
+    seen_actors: Collection[int] | None = None
     min_points: int = 0
     planned_trajectory: tuple[tuple[float, float, float], ...] = ()
     conflict_roles: ConflictRoles = field(default_factory=dict[int, Mapping[str, ConflictRole]])
@@ -240,6 +259,11 @@ class SensorFrame:
     def world_from_lidar(self) -> Matrix:
         """Pose (4, 4) of the first LiDAR."""
         return self.lidar_scans[0].world_from_lidar
+
+    @property
+    def world_from_reference(self) -> Matrix:
+        """Pose (4, 4) of the first LiDAR, or of the agent itself without one."""
+        return self.world_from_lidar if self.lidar_scans else self.world_from_agent
 
     @property
     def point_cloud(self) -> PointCloud:

@@ -173,7 +173,7 @@ class RerunRecording:
         self._map_tiles = map_tiles
         self._tracks = {
             agent.id: AgentTrack(choose_agent_colour(index))
-            for index, agent in enumerate(spec.agents)
+            for index, agent in enumerate(spec.recorded_agents)
         }
         self._has_blueprint = False
         self._stream.send_recording_name(spec.id)

@@ -27,7 +27,7 @@ from advercity_dsl.road import (
     TrajectorySet,
     Vehicle,
 )
-from advercity_dsl.spec import SPEC_VERSION, Agent, Spec
+from advercity_dsl.spec import SPEC_VERSION, Agent, Spec, Unrecorded
 from advercity_dsl.suite import Suite, Timing
 from advercity_dsl.thermal import ThermalCamera
 from advercity_dsl.traffic import (
@@ -114,6 +114,7 @@ __all__ = [
     "TrajectoryFile",
     "TrajectorySet",
     "Typology",
+    "Unrecorded",
     "Vehicle",
     "Weather",
     "get_declaration_kind",

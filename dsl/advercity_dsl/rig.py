@@ -43,15 +43,15 @@ class MountedSensor(NamedTuple, Generic[_Sensor]):
 class SensorSet(Model):
     """The sensors of one kind of agent."""
 
-    camera: Camera
-    """Cameras of one kind, and the semantic cameras at the same poses."""
+    camera: Camera | None = Field(default=None, exclude_if=is_none)
+    """Cameras of one kind, and the semantic cameras at the same poses; `null` is none."""
     more_cameras: Annotated[ByName[Camera], Field(max_length=8)] = Field(
         default_factory=dict, exclude_if=is_empty
     )
     """Cameras of other kinds, each with its own size, field of view and exposure, by name. They are
     numbered after the cameras of `camera`, in written order."""
-    lidar: Lidar
-    """The LiDAR."""
+    lidar: Lidar | None = Field(default=None, exclude_if=is_none)
+    """The LiDAR; `null` is none."""
     more_lidars: Annotated[ByName[Lidar], Field(max_length=8)] = Field(
         default_factory=dict, exclude_if=is_empty
     )
@@ -84,8 +84,8 @@ class SensorSet(Model):
 
     @property
     def lidars(self) -> tuple[Lidar, ...]:
-        """All LiDARs, by their numbers in a dataset; the first is `lidar`."""
-        return (self.lidar, *self.more_lidars.values())
+        """All LiDARs, by their numbers in a dataset."""
+        return tuple(item.model for item in self.list_sensors("lidar"))
 
     @property
     def radars(self) -> tuple[MountedSensor[Radar], ...]:

@@ -92,6 +92,15 @@ class Settlement(Model):
     """Number of simulations until all conflicts happened."""
 
 
+class Unrecorded(Model):
+    """Sensors and agents that a run left out of a dataset."""
+
+    sensors: Items[Id] = ()
+    """Kinds of sensors removed from the agents."""
+    agents: Items[Id] = ()
+    """Agents that take part in traffic, without data of their own."""
+
+
 class Provenance(Model):
     """Inputs of a compiled spec."""
 
@@ -149,6 +158,8 @@ class Spec(Model):
     )
     """SHA-256 of the scenario's foreign files, by `kind/name`: `model/seat_leon` is the converted
     model of the blueprint, `textures/ez_tree` the photographs of a package."""
+    unrecorded: Unrecorded | None = Field(default=None, exclude_if=is_empty)
+    """Sensors and agents that the run of a dataset left out; None in a compiled spec."""
     timing: Timing
     seeds: SpecSeeds
     provenance: Provenance
@@ -157,6 +168,12 @@ class Spec(Model):
     def ego(self) -> Agent:
         """The connected vehicle with staged conflicts."""
         return next(agent for agent in self.agents if agent.is_ego)
+
+    @property
+    def recorded_agents(self) -> tuple[Agent, ...]:
+        """The agents with data in a dataset."""
+        left_out = self.unrecorded.agents if self.unrecorded else ()
+        return tuple(agent for agent in self.agents if agent.id not in left_out)
 
     @model_validator(mode="after")
     def _check_agents(self) -> Self:

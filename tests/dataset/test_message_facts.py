@@ -36,7 +36,9 @@ CHANNEL: dict[str, Any] = {
 def without_images(item: SensorFrame) -> SensorFrame:
     """Leave out images, which would take most of the time; messages do not need them."""
     sensors = item.agent.sensors
-    camera = sensors.camera.model_copy(update={"mounts": sensors.camera.mounts[:1]})
+    camera = sensors.cameras[0].model.model_copy(
+        update={"mounts": sensors.cameras[0].model.mounts[:1]}
+    )
     agent = item.agent.model_copy(update={"sensors": sensors.model_copy(update={"camera": camera})})
     return replace(item, agent=agent).with_readings(camera=item.camera_images[:1])
 

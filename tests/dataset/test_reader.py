@@ -103,7 +103,7 @@ def test_a_lidar_with_motion_keeps_where_and_when_it_measured(
 
 
 def turned(agent: Agent) -> Agent:
-    lidar = agent.sensors.lidar.model_copy(update={"motion_distortion": True})
+    lidar = agent.sensors.lidars[0].model_copy(update={"motion_distortion": True})
     sensors = agent.sensors.model_copy(update={"lidar": lidar})
     return agent.model_copy(update={"sensors": sensors})
 

@@ -217,7 +217,7 @@ def test_the_devkit_reads_radars(radar_dataset: Path, tmp_path: Path) -> None:
 def test_a_channel_is_named_by_where_its_sensor_looks(specs: dict[str, Spec]) -> None:
     agent = specs["ui_fog_day_sparse"].agents[0]
     mounts = tuple(Mount(yaw_deg=yaw) for yaw in (0, -55, 55, -110, 110, 180, 0))
-    camera = agent.sensors.camera.model_copy(update={"mounts": mounts})
+    camera = agent.sensors.cameras[0].model.model_copy(update={"mounts": mounts})
     sensors = agent.sensors.model_copy(update={"camera": camera})
     names = [one.name for one in list_channels(agent.model_copy(update={"sensors": sensors}))]
     assert names == [

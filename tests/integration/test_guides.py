@@ -10,6 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 SLOW = {
     *("add_a_body", "add_a_road", "first_snow_scenario", "import_your_town", "make_the_whole_set"),
+    "change_length_rate_and_numbers",
     *(
         "replay_recorded_traffic",
         "run_on_a_cluster",

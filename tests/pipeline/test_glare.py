@@ -37,7 +37,7 @@ def test_the_ego_sees_the_sun_for_more_than_half_of_its_route(
     sun = direction_from_elevation_azimuth(
         spec.weather.sun.elevation_deg, spec.weather.sun.azimuth_deg
     )
-    camera = ego.sensors.camera
+    camera = ego.sensors.cameras[0].model
     across = math.tan(math.radians(camera.horizontal_fov_deg) / 2.0)
     down = across * camera.height_px / camera.width_px
     seen: list[bool] = []

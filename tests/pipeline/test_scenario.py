@@ -380,9 +380,13 @@ def test_frame_ranges_count_from_the_first_kept_frame(text: str, frames: list[in
 
 def test_a_rig_that_asks_for_truth_gets_images_of_it(spec: Spec, tmp_path: Path) -> None:
     agents = list(spec.agents)
-    camera = agents[0].sensors.camera.model_copy(
-        update={"truth": ("instance", "normal", "flow"), "hdr": True, "raw": RawOutput(bits=10)}
-        | {"isp": Isp(jpeg_quality=90)}
+    camera = (
+        agents[0]
+        .sensors.cameras[0]
+        .model.model_copy(
+            update={"truth": ("instance", "normal", "flow"), "hdr": True, "raw": RawOutput(bits=10)}
+            | {"isp": Isp(jpeg_quality=90)}
+        )
     )
     sensors = agents[0].sensors.model_copy(update={"camera": camera})
     agents[0] = agents[0].model_copy(update={"sensors": sensors})
@@ -409,7 +413,7 @@ def test_a_rig_that_asks_for_truth_gets_images_of_it(spec: Spec, tmp_path: Path)
     saturation = view.load_readout(0).saturation_cd_m2
     light = electrons / view.load_readout(0).full_well_e * saturation
     assert light[road].mean() == pytest.approx(view.hdr(0)[road].mean(), rel=0.05)
-    developed = develop_raw(view.raw(0), view.agent.sensors.camera, view.load_readout(0))
+    developed = develop_raw(view.raw(0), view.agent.sensors.cameras[0].model, view.load_readout(0))
     np.testing.assert_array_equal(developed, view.image(0))
     flow, row, column = view.flow(0), *np.indices(view.instance(0).shape)
     seen = ~flow.occluded

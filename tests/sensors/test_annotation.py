@@ -9,8 +9,8 @@ from advercity.frames import Actor, ActorState, Lamp
 from advercity.geometry import poses
 from advercity.geometry.boxes import Box
 from advercity.sensors.annotation import Annotation, annotate_actors
-from advercity.sensors.measurements import PointCloud, PointKind
-from advercity.sensors.sensor_frame import SensorFrame
+from advercity.sensors.measurements import PointCloud, PointKind, RadarDetections
+from advercity.sensors.sensor_frame import CameraImage, RadarScan, SensorFrame
 from tests.builders import SensorFramesOf
 
 
@@ -172,6 +172,28 @@ def test_a_roadside_unit_has_no_speed(sensor_frames_of: SensorFramesOf) -> None:
 def test_intrinsics_follow_the_size_of_the_image(ego: SensorFrame) -> None:
     image = replace(ego.camera_images[0], image=np.zeros((1080, 1920, 3), np.uint8))
     full = ego.with_readings(camera=(image,))
-    assert full.agent.sensors.camera.horizontal_fov_deg == 100
+    assert full.agent.sensors.cameras[0].model.horizontal_fov_deg == 100
     expected = [[805.5356459, 0, 960], [0, 805.5356459, 540], [0, 0, 1]]
     np.testing.assert_allclose(full.build_camera_model(0).matrix, expected)
+
+
+def test_without_a_lidar_pixels_and_echoes_decide(ego: SensorFrame) -> None:
+    """One pixel is enough, of any image; an outline without a pixel, or an unknown id, is not."""
+    whole = next(iter(ego.camera_images[0].projected_boxes.values()))
+
+    def show(image: CameraImage, **visible_px: int) -> CameraImage:
+        boxes = {int(k[1:]): replace(whole, visible_px=px) for k, px in visible_px.items()}
+        return replace(image, projected_boxes=boxes)
+
+    first, second = ego.camera_images[:2]
+    images = (show(first, a102=1, a103=0), show(second, a201=7, a999=5))
+    blind = ego.with_readings(lidar=(), camera=images)
+    assert set(annotated(blind)) == {102, 201}
+    assert {item.lidar_hits + item.lidar_points for item in annotated(blind).values()} == {0}
+    none = np.zeros(0, np.float32)
+    ids, kinds = np.zeros(0, np.int32), np.zeros(0, np.uint8)
+    nothing = RadarDetections(none.reshape(0, 3), none, none, none, ids, kinds)
+    radar = RadarScan(north, nothing, seen_actors=frozenset({203}))
+    assert set(annotated(blind.with_readings(radar=(radar,)))) == {102, 201, 203}
+    assert annotated(ego.with_readings(lidar=(), camera=())) == {}
+    assert set(annotated(replace(blind, seen_actors={103}))) == {103}

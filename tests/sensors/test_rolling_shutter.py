@@ -74,7 +74,7 @@ def open_rig(camera: Camera, trace: Trace, *static: Mesh) -> tuple[SensorRig, Ca
     """Open a scenario of the ego alone, with one kind of camera and a small LiDAR."""
     spec = load_example_spec("ui_clear_day_sparse")
     ego = next(agent for agent in spec.agents if agent.number == EGO)
-    lidar = ego.sensors.lidar.model_copy(
+    lidar = ego.sensors.lidars[0].model_copy(
         update={"channels": 1, "azimuths": 16, "channel_table": "uniform"}
     )
     sensors = ego.sensors.model_copy(

@@ -89,7 +89,7 @@ class CameraDriver(SensorDriver):
 
     def _render_captures(self) -> Iterator[CameraCapture]:
         """Render the light at all cameras of the placed frame, by agents and their cameras."""
-        agents = self.stage.spec.agents
+        agents = self.stage.spec.recorded_agents
         if any(item.model.has_moments for agent in agents for item in agent.sensors.cameras):
             # Agent by agent, to save memory.
             return chain.from_iterable(

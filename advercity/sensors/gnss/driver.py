@@ -33,7 +33,7 @@ class GnssDriver(SensorDriver):
         """Measure all fixes by satellites, whose rays are cast into a world without actors."""
         self._fixes = {
             agent.id: self._measure_fix(agent, self.stage.frame)
-            for agent in self.stage.spec.agents
+            for agent in self.stage.spec.recorded_agents
             if agent.sensors.gnss.mode == "satellites"
         }
 

@@ -46,10 +46,11 @@ MIN_RANGE_M = 0.1
 
 @dataclass(frozen=True, eq=False)
 class RadarMeasurement:
-    """Detections of a radar, and its cells if the output is `cube`."""
+    """Detections of a radar, its cells if the output is `cube`, and actors with a direct echo."""
 
     detections: RadarDetections
     cube: RadarCube | None
+    seen_actors: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,9 @@ class RadarDriver(SensorDriver):
         conditions = self._derive_once(stage.weather_state)
         found = scan_radar(placed, others, raycaster, motion, conditions, rng)
         stamp_s = stage.find_stamp("radar", agent, number)
-        return RadarScan(placed.world_from_radar, found.detections, found.cube, stamp_s)
+        return RadarScan(
+            *(placed.world_from_radar, found.detections, found.cube, stamp_s, found.seen_actors)
+        )
 
     def _place(self, frame: Frame) -> tuple[Mapping[str, Sequence[PlacedRadar]], SceneMotion]:
         """Place the radars of all agents at the time of a sample."""

@@ -1,6 +1,7 @@
 """One radar in one frame: paths, other radars, spray and receiver together."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,7 +44,10 @@ def scan_radar(
         parts += [_hide_behind(grid, paths, free_m) for paths in plumes]
     noise = compute_interference(placed, others, raycaster)
     receiver = Receiver(placed, conditions, noise, rng, raycaster.cover)
-    return receiver.measure(Paths.join(parts), free_m)
+    measured = receiver.measure(Paths.join(parts), free_m)
+    # Mirrored echoes depend on the wetness of roads, direct ones on no weather.
+    direct = found.paths.instance[found.paths.mirrorings == 0]
+    return replace(measured, seen_actors=frozenset(np.unique(direct[direct > 0]).tolist()))
 
 
 def compute_free_ranges(grid: CellGrid, directions: FloatArray, free_m: FloatArray) -> Float64Array:

@@ -93,7 +93,7 @@ def _list_cameras(dataset: Dataset) -> dict[tuple[str, str, int], bool]:
     return {
         (scenario.path.name, agent.id, number): "instance" in mounted.model.truth
         for scenario in dataset.scenarios
-        for agent in scenario.spec.agents
+        for agent in scenario.spec.recorded_agents
         for number, mounted in enumerate(agent.sensors.cameras)
     }
 

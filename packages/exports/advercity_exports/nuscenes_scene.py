@@ -84,7 +84,8 @@ def list_channels(agent: Agent) -> list[Channel]:
     sensors = agent.sensors
     yaws_deg = [camera.mount.yaw_deg for camera in sensors.cameras]
     cameras = _name_uniquely("CAM", map(_name_direction, yaws_deg))
-    lidars = _name_uniquely("LIDAR", ["TOP", *(name.upper() for name in sensors.more_lidars)])
+    mounted = sensors.list_sensors("lidar")
+    lidars = _name_uniquely("LIDAR", [item.name.upper() or "TOP" for item in mounted])
     radars = _name_uniquely("RADAR", [_name_direction(r.mount.yaw_deg) for r in sensors.radars])
     return [
         *(Channel(name, "camera", number) for number, name in enumerate(cameras)),
@@ -158,7 +159,7 @@ class Scene:
         from their names, and their agents a microsecond apart.
         """
         step = int(make_token("start", self.scenario.path.name), 16) % START_STEPS
-        agents = [agent.id for agent in self.scenario.spec.agents]
+        agents = [agent.id for agent in self.scenario.spec.recorded_agents]
         return step * START_STEP_US + agents.index(self.agent.id)
 
     def compute_timestamp_us(self, time_s: float) -> int:
@@ -209,7 +210,7 @@ class Scene:
 
 def list_scenes(scenario: Scenario, *, only_some_are_key: bool) -> list[Scene]:
     """List the scenes of a scenario, in the order of its agents."""
-    return [Scene(scenario, agent, only_some_are_key) for agent in scenario.spec.agents]
+    return [Scene(scenario, agent, only_some_are_key) for agent in scenario.spec.recorded_agents]
 
 
 def quaternion_of(pose: Matrix) -> list[float]:

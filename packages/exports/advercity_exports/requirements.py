@@ -39,7 +39,7 @@ def require_pinholes(
         InputError: One has a lens.
     """
     for scenario in dataset.scenarios:
-        for agent in scenario.spec.agents:
+        for agent in scenario.spec.recorded_agents:
             for number in select(agent):
                 if agent.sensors.cameras[number].model.lens is not None:
                     raise InputError(

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from advercity.dataset.agent_view import AgentView
 from advercity.dataset.cloud_files import encode_pcd_table
 from advercity.dataset.reader import Dataset, FrameView
-from advercity.errors import InputError
 from advercity.exports.pieces import Piece, PieceFiles, split_by_frame
 from advercity.exports.registry import Options
 from advercity.geometry import poses
@@ -38,16 +37,9 @@ def list_pieces(dataset: Dataset, options: Options) -> list[Piece]:
     """Make a piece of every frame.
 
     Raises:
-        InputError: An agent has no radar, or a scenario has the original's layout.
+        InputError: A scenario has the original's layout.
     """
     require_truth(dataset, "v2xr")
-    for scenario in dataset.scenarios:
-        for agent in scenario.spec.agents:
-            if not agent.sensors.radars:
-                raise InputError(
-                    f"{scenario.path}: {agent.id} has no radar, as v2xr needs of every agent; the"
-                    " rig adver_city_radar has"
-                )
     return split_by_frame(dataset, _write_frame)
 
 

@@ -304,7 +304,7 @@ def test_fog_only_takes_points_from_rigs_of_real_sensors(name: str) -> None:
     """Walls all around: fog hides them, and its own points do not make up for that."""
     sensors = RIGS[name].vehicle or RIGS[name].roadside_unit
     assert sensors is not None
-    lidar = vary(sensors.lidar, motion_distortion=False)
+    lidar = vary(sensors.lidars[0], motion_distortion=False)
     caster = raycaster_with((10.0, 0.0), walls=[WALL_AHEAD])
     scan = cast_scan(lidar, STAND, caster)
     clear, thin, dense = (measure(lidar, scan, fog={"mor_m": mor}) for mor in (990, 120, 60))
@@ -316,7 +316,7 @@ def test_fog_only_takes_points_from_rigs_of_real_sensors(name: str) -> None:
 def test_the_original_rig_stays_ideal() -> None:
     vehicle = RIGS["adver_city"].vehicle
     assert vehicle is not None
-    lidar = vehicle.lidar
+    lidar = vehicle.lidars[0]
     assert (lidar.model, lidar.sub_rays, lidar.range_noise_m) == (None, 1, 0)
     assert lidar.beam == Lidar().beam
     assert lidar.receiver == Lidar().receiver
