@@ -56,6 +56,7 @@ def test_files_that_the_architecture_names_exist(page: str) -> None:
         ROOT,
         ROOT / "advercity",
         ROOT / "backends/sapien/advercity_sapien",
+        *ROOT.glob("packages/*/advercity_*"),
         *(folder for folder in (ROOT / "advercity").iterdir() if folder.is_dir()),
         ROOT / "dsl/advercity_dsl",
     ]
