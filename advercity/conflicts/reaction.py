@@ -45,7 +45,7 @@ PASSING_GAP_M = 0.4
 MIN_SHIFT_M = 0.4
 """Minimum distance by which a driver moves aside for a vehicle over the centre line."""
 STEERING_TIME_S = 2.0
-"""Time of the ego to move aside, if there is as much, and to return to its lane."""
+"""Time of the ego to move aside, if there is as much, and to return; longer with little grip."""
 BRAKING_SHARE = 0.7
 """Maximum fraction of the grip for braking while steering."""
 HOLD_ASIDE_S = 0.8
@@ -144,14 +144,15 @@ def _plan_steering(
     braking_m_s2 = min(conflict.parameters.get("ego_braking_m_s2", 0.0), grip_m_s2 * BRAKING_SHARE)
     lateral_m_s2 = np.sqrt(grip_m_s2**2 - braking_m_s2**2)
     shortest_s = np.sqrt(QUINTIC_PEAK_ACCELERATION * shift_m / lateral_m_s2)
-    steers_s = float(np.clip(passing_s - HOLD_ASIDE_S / 2 - begin_s, shortest_s, STEERING_TIME_S))
+    longest_s = max(STEERING_TIME_S, shortest_s)
+    steers_s = float(np.clip(passing_s - HOLD_ASIDE_S / 2 - begin_s, shortest_s, longest_s))
     offsets = compute_lateral_offsets(
         trace.tick_s * np.arange(spec.timing.max_ticks + 1, dtype=np.float64),
         shift_m=-shift_m,
         out_s=steers_s,
         hold_s=max(passing_s + HOLD_ASIDE_S - begin_s - steers_s, 0.0),
-        return_s=STEERING_TIME_S,
-        end_s=max(passing_s + HOLD_ASIDE_S, begin_s + steers_s) + STEERING_TIME_S,
+        return_s=longest_s,
+        end_s=max(passing_s + HOLD_ASIDE_S, begin_s + steers_s) + longest_s,
     )
     braking = (times_s > begin_s) & (times_s <= passing_s) & (braking_m_s2 > 0)
     own, first = ego.rows["speed"], int(np.argmax(braking))

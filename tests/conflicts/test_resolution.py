@@ -156,6 +156,35 @@ def test_an_ego_brakes_for_a_second_though_the_actor_stops_sooner(specs: dict[st
     assert np.count_nonzero(~np.isnan(commands)) == pytest.approx(10, abs=1)
 
 
+@pytest.mark.parametrize("friction", [0.25, 0.5, 0.8])
+def test_an_ego_that_swerves_at_the_last_moment_uses_the_grip_that_braking_leaves(
+    friction: float, specs: dict[str, Spec]
+):
+    trace = build_scene(("car", 60.0, 0.0))
+    coming = trace.states["actor"] == 1
+    trace.states["x"][coming] -= 10.0 * TICK_S * np.arange(60)
+    trace.states["yaw"][coming] = np.pi
+    trace.states["speed"] = 10.0
+    spec = resolve(specs["rsnj_clear_day_sparse"], "ego", friction)
+    # It sees the other from 20 m, a second before they meet.
+    late = ReactionConditions(friction=friction, visibility_m=20.0)
+    spec = spec.model_copy(update={"reaction": late})
+    (conflict,) = spec.conflicts
+    other = conflict.actors[0].model_copy(update={"number": 102})
+
+    found = plan_reaction(spec, conflict.model_copy(update={"actors": (other,)}), trace, None)
+
+    assert found.offsets_m is not None
+    assert found.offsets_m.min() == pytest.approx(-2.4, abs=0.01)
+    aside = found.offsets_m[: int(found.offsets_m.argmin()) + 1]
+    lateral_m_s2 = np.abs(np.diff(aside, n=2)).max() / TICK_S**2
+    # Its braking takes 70 % of the grip at most.
+    grip_m_s2 = friction * 9.81
+    braking_m_s2 = min(5.0, 0.7 * grip_m_s2)
+    assert np.hypot(lateral_m_s2, braking_m_s2) == pytest.approx(grip_m_s2, rel=0.03)
+    assert np.abs(np.diff(found.offsets_m, n=2)).max() / TICK_S**2 < grip_m_s2
+
+
 @pytest.mark.sumo
 @pytest.mark.parametrize("resolver", ["actor", "ego", "both"])
 def test_who_resolves_a_conflict_brakes_and_nobody_else_does(

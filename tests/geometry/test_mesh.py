@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 
 from advercity.geometry import primitives
 from advercity.geometry.mesh import (
@@ -123,3 +125,22 @@ def test_parts_of_one_material_class_and_wheel_become_one_mesh() -> None:
 def test_a_mesh_is_in_single_precision() -> None:
     mesh = TriangleSurface(np.eye(3), np.array([[0, 1, 2]])).to_mesh("a", "metal", Semantic.POLE)
     assert (mesh.vertices.dtype, mesh.triangles.dtype) == (np.float32, np.int32)
+
+
+@given(
+    place_m=st.tuples(*[st.floats(-500, 500)] * 3),
+    yaw_rad=st.floats(-np.pi, np.pi),
+    size=st.tuples(st.integers(2, 6), st.integers(2, 6)),
+    is_turned=st.booleans(),
+)
+def test_a_sheet_is_seen_from_above_wherever_its_rows_lead(
+    place_m: tuple[float, float, float], yaw_rad: float, size: tuple[int, int], is_turned: bool
+) -> None:
+    i, j = np.mgrid[: size[0], : size[1]]
+    flat = (i + 1j * j) * np.exp(1j * yaw_rad)
+    points = np.stack([flat.real, flat.imag, 0.2 * np.sin(i + j)], axis=-1) + place_m
+    sheet = primitives.grid_sheet(points.transpose(1, 0, 2) if is_turned else points)
+    corner = sheet.vertices[sheet.triangles]
+    up = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])[:, 2]
+    assert (up > 0).all()
+    assert up.sum() / 2 == pytest.approx((size[0] - 1) * (size[1] - 1), rel=1e-6)

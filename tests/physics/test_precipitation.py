@@ -61,20 +61,3 @@ def test_wind_blows_from_its_bearing_and_slower_near_the_ground(
     wind = Wind(speed_m_s=10, from_deg=from_deg)
     np.testing.assert_allclose(wind_at_height(wind, 10), velocity, atol=1e-3)
     np.testing.assert_allclose(wind_at_height(wind, 2), np.multiply(velocity, 0.4628), atol=1e-3)
-
-
-@pytest.mark.parametrize(
-    "parts",
-    [
-        {"rain": {"rate_mm_h": 10}},
-        {"snow": {"rate_mm_h": 2}, "temperature_c": -3},
-        {"hail": {"rate_mm_h": 20}},
-    ],
-)
-def test_bands_of_sizes_in_images_rise_up_to_the_largest_particle(
-    parts: dict[str, Any],
-) -> None:
-    said = {"id": "tried", "time": "day", "sun": {"elevation_deg": 60}} | parts
-    (found,) = compute_extinction(Weather.model_validate(said)).precipitation
-    edges = np.array([*found.bands_mm, found.sizes.max_melted_mm])
-    assert (np.diff(edges) > 0).all()
