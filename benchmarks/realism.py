@@ -240,7 +240,7 @@ def count_annotations(spec: Spec, traffic: TrafficResult) -> float:
         for agent in spec.agents:
             raycaster.place(frame, hide=list_carrier_ids(agent))
             pose = poses.world_from_sensors("lidar", agent, frame)[0]
-            lidar = agent.sensors.lidar
+            lidar = agent.sensors.lidars[0]
             met.update(count_lidar_hits(cast_scan(lidar, pose, raycaster), lidar))
         counts.append(len(met & moving))
     return float(np.mean(counts))

@@ -58,6 +58,7 @@ def load_camera(folder: Path, text: str, more: str = "") -> Camera:
     declared = load_declaration(rig).declaration
     assert isinstance(declared, Rig)
     assert declared.vehicle is not None
+    assert declared.vehicle.camera is not None
     return declared.vehicle.camera
 
 

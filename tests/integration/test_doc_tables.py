@@ -216,8 +216,7 @@ def test_curves_are_over_the_values_that_their_suites_sweep() -> None:
     suites = LIBRARY.get_declarations(Suite)
     for head in ("visibility", "rain", "snow, of water", "glow in cd/m²"):
         _, *shown = find_table("docs/benchmark.md", head)[0]
-        sweep = suites[f"degradation_{re.findall('[a-z]+', head)[0]}"].sweep
-        assert sweep is not None
+        (sweep,) = suites[f"degradation_{re.findall('[a-z]+', head)[0]}"].sweeps.values()
         ends = sweep.values or (sweep.from_, sweep.to)
         assert len(shown) == (sweep.count or len(ends))
         for value, end in zip((shown[0], shown[-1]), (ends[0], ends[-1]), strict=True):
