@@ -170,7 +170,8 @@ def simulate(
             except RunError as error:
                 problems.append(str(error))
         if reports:
-            print_data(tables.format_columns(build_table_rows(reports)))
+            rows = build_table_rows(reports)
+            print_data(tables.format_columns(rows, max_width=tables.MAX_WIDTH))
     missed = [f"{report.spec}: {problem}" for report in reports for problem in report.problems]
     if allow_missed and missed:
         print_remark("\n".join(missed))

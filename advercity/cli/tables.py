@@ -1,6 +1,7 @@
 """Formats rows and facts as text or JSON."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -8,16 +9,19 @@ from advercity.errors import escape_control_characters
 from advercity.pipeline.descriptions import Description
 
 MAX_WIDTH = 100
-"""Width of a table in characters; further columns follow below, next to the first one again."""
+"""Width of a table of figures in characters."""
 
 
-def format_columns(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Format rows below their heads, numbers aligned to the right, without empty columns."""
+def format_columns(rows: Sequence[Mapping[str, Any]], *, max_width: float = math.inf) -> str:
+    """Format rows below their heads, numbers aligned to the right, without empty columns.
+
+    Columns beyond a width follow below, next to the first one again.
+    """
     heads = [head for head in rows[0] if any(row[head] != "" for row in rows)]
     first, *others = (_format_column(head, [row[head] for row in rows]) for head in heads)
     parts = [[first]]
     for column in others:
-        if len(parts[-1]) > 1 and _measure_width([*parts[-1], column]) > MAX_WIDTH:
+        if len(parts[-1]) > 1 and _measure_width([*parts[-1], column]) > max_width:
             parts.append([first])
         parts[-1].append(column)
     return "\n\n".join(map(_join_columns, parts))

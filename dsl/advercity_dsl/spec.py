@@ -110,7 +110,7 @@ class Provenance(Model):
     """SHA-256 of every declaration used, by `kind/id`."""
     draws: dict[str, Distribution] = Field(default_factory=dict, max_length=1000)
     """Distributions behind the drawn numbers of the spec, by path of the number."""
-    sweep: SweepPoint | tuple[SweepPoint, ...] | None = None
+    sweep: SweepPoint | Items[SweepPoint] | None = None
     """Field and value in the suite's sweep, or one for each of its sweeps."""
     conflict: Id | None = Field(default=None, exclude_if=is_empty)
     """Conflict crossed with the roads of the suite."""

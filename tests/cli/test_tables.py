@@ -6,7 +6,7 @@ from advercity.cli.tables import format_columns
 def test_a_wide_table_fits_a_terminal_in_parts_with_the_first_column_each() -> None:
     heads = [f"some head {number}" for number in range(12)]
     rows = [{"scenario": name, **dict.fromkeys(heads, number)} for name, number in (("a", 7),) * 2]
-    parts = [part.splitlines() for part in format_columns(rows).split("\n\n")]
+    parts = [part.splitlines() for part in format_columns(rows, max_width=100).split("\n\n")]
     assert [len(part) for part in parts] == [3, 3]
     assert max(len(line) for part in parts for line in part) <= 100
     assert all(part[0].startswith("scenario  some head") for part in parts)

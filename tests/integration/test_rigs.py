@@ -149,12 +149,13 @@ def test_cameras_and_lidars_are_read_by_their_numbers(dataset: Path, spec: Spec)
     agent_from_world = np.linalg.inv(view.world_from_agent)
     bumper = (agent_from_world @ view.load_lidar_pose(1))[:3, 3]
     np.testing.assert_allclose(bumper, (2, 0, 0.5), atol=1e-6)
-    # Half a metre above a level road, a beam 5 deg below the horizon meets it after 5.7 m.
-    low = view.load_cloud(1)
-    low = low[low["ring"] == 0]
-    distance_m = np.hypot(low["x"], low["y"])
-    assert np.median(distance_m) == pytest.approx(0.5 / np.tan(np.deg2rad(5)), rel=0.05)
-    assert view.load_cloud(0)["ring"].max() > 1
+    # At a height over a level road, the lowest beam meets it after the height over its tangent.
+    for number, (lidar, height_m) in enumerate(zip(spec.ego.sensors.lidars, (3, 0.5), strict=True)):
+        low = view.load_cloud(number)
+        low = low[low["ring"] == 0]
+        expected_m = height_m / np.tan(np.deg2rad(-lidar.lower_deg))
+        distance_m = np.hypot(low["x"], low["y"])
+        assert np.median(distance_m) == pytest.approx(expected_m, rel=0.05)
     with pytest.raises(InputError, match="cav1 has LiDARs 0 to 1; there is no LiDAR 2"):
         view.load_cloud(2)
 
