@@ -165,8 +165,8 @@ class Option:
 
 
 def parse_names(text: str) -> tuple[str, ...]:
-    """Parse names separated by commas."""
-    return tuple(name.strip() for name in text.split(",") if name.strip())
+    """Parse names separated by commas, without blanks around them; an empty text has none."""
+    return tuple(name.strip() for name in text.split(",")) if text.strip() else ()
 
 
 def parse_rate_hz(text: str) -> float:

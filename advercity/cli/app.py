@@ -38,7 +38,7 @@ class StatusCommand(TyperCommand):
 
 
 def set_status_commands(group: typer.Typer) -> None:
-    """Let the commands of a group show their names while they run."""
+    """Make the commands of a group show their names while they run."""
     for command in group.registered_commands:
         command.cls = StatusCommand
 

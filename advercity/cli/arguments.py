@@ -123,11 +123,6 @@ def load_specs(paths: list[Path], **changes: Any) -> "list[Spec]":
     return [load_spec(path, **changes) for path in paths]
 
 
-def split_names(text: str) -> list[str]:
-    """Split names at commas, without blanks around them; an empty text has none."""
-    return [name.strip() for name in text.split(",")] if text.strip() else []
-
-
 def parse_frame_slice(text: str | None) -> slice:
     """Parse `A:B[:STEP]`, where A and B may be left out; None is every frame."""
     return slice(None) if text is None else parse_frames(text)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from advercity.cli.arguments import DatasetArgument, LayoutOption, split_names
+from advercity.cli.arguments import DatasetArgument, LayoutOption
 from advercity.cli.output import print_data, print_remark, print_unread
 from advercity.errors import InputError, RunError
+from advercity.run_options import parse_names
 
 if TYPE_CHECKING:
     from advercity.dataset.verification import FileProblem
@@ -256,7 +257,7 @@ def split(
             raise InputError(f"name the values of {by} of each split, or give `--share 70,15,15`")
         defaults = PUBLISHED_SPLITS if by == "road" else {}
         values = {
-            name: defaults.get(name, ()) if text is None else split_names(text)
+            name: defaults.get(name, ()) if text is None else parse_names(text)
             for name, text in named.items()
         }
         found = link_splits(dataset, output, values, by=by)
@@ -289,6 +290,6 @@ def sheet(
     """Put all cameras of one frame on a contact sheet."""
     from advercity.dataset.overview_images import write_contact_sheet
 
-    chosen = None if agents is None else split_names(agents)
+    chosen = None if agents is None else parse_names(agents)
     write_contact_sheet(scenario, output, frame=frame, agents=chosen)
     print_data(str(output))

@@ -22,7 +22,7 @@ def choose_sensors(spec: Spec, options: DatasetOptions) -> Spec:
     out, and counts as edited only if it did before.
 
     Raises:
-        InputError: A name is unknown, the ego is left out, or the options need what is.
+        InputError: A name is unknown, the ego is left out, or the options need a part that is.
     """
     agents = _choose_agents(spec, options.agents) if options.agents else spec.recorded_agents
     _check_min_points(spec, agents, options)

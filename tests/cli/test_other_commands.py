@@ -1,4 +1,4 @@
-"""Other distributions add commands, and what they do wrong is said by name."""
+"""Other distributions add commands; errors of theirs name them."""
 
 from pathlib import Path
 

@@ -26,7 +26,7 @@ class Picture:
     """An encoded image.
 
     Attributes:
-        title: What it shows, for those who cannot see it, too.
+        title: Its contents, also for readers who cannot see it.
         media_type: `image/jpeg` or `image/png`.
         data: The bytes of the file.
     """
@@ -38,7 +38,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class ScenarioContents:
-    """What a report says about a scenario.
+    """Contents of a report about a scenario.
 
     Attributes:
         id: Its id, and the name of its folder.
@@ -75,7 +75,7 @@ class ScenarioContents:
 
 @dataclass(frozen=True)
 class ReportContents:
-    """What a report says about a dataset.
+    """Contents of a report about a dataset.
 
     Attributes:
         name: Name of its folder.
